@@ -23,7 +23,7 @@ _CONFIG = "town: town01\nseed: 3\nframes: 8\nframes_per_episode: 4\ncollection: 
 
 @pytest.fixture(scope="session")
 def kitti_source() -> Path:
-    """The folder of real KITTI measurements: COSIM_KITTI, or shared/kitti beside the repository."""
+    """The folder of real KITTI measurements: COSIM_KITTI, or shared/kitti next to the repository."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "kitti"
     source = Path(os.environ.get("COSIM_KITTI", beside))
     if not (source / "velodyne").is_dir():
@@ -103,7 +103,7 @@ def hamlet_drive(hamlet_config: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 @pytest.fixture(scope="session")
 def blind_config(hamlet_config: Path) -> Path:
-    """The same without images, for what is about files and processes alone."""
+    """The same without images, for tests of files and processes."""
     path = hamlet_config.with_name("blind.yaml")
     path.write_text(yaml.safe_dump(yaml.safe_load(hamlet_config.read_text()) | {"images": []}))
     return path

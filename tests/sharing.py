@@ -11,7 +11,7 @@ from filelock import FileLock
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
-    """A folder that one of the test processes fills and all read; nobody may change what is in it.
+    """A folder that one of the test processes fills and all read; its contents must not be changed.
 
     Args:
         factory: pytest's; its base is a process's own, and the folder above it that of the whole run.

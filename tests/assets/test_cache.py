@@ -1,4 +1,4 @@
-"""What is kept between processes is what would be made anew."""
+"""Cached values equal newly computed ones."""
 
 from __future__ import annotations
 

@@ -269,7 +269,7 @@ def test_faults_of_the_manifest_are_told_in_a_line(tmp_path: Path) -> None:
     assert "another name" in refused(tmp_path, good, good)
     assert "built-in" in refused(tmp_path, good | {"name": "hatchback_01"})
     assert "not in the table" in refused(tmp_path, good | {"materials": {"a": "unobtainium"}})
-    assert "tell up" in refused(tmp_path, good | {"file": "car.obj"})
+    assert "define up" in refused(tmp_path, good | {"file": "car.obj"})
     assert "greater than 0" in refused(tmp_path, good | {"length_m": -1})
     assert "wider than long" in refused(tmp_path, good | {"forward": "x"})
     assert "unit_m" in refused(tmp_path, good | {"unit_m": 0.01})

@@ -1,4 +1,4 @@
-"""Buildings and trees that a scenario tells of stand where it has them, as high as it says."""
+"""Buildings and trees of a scenario have its positions and heights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plants and things beside streets stand where such things stand."""
+"""Plants and objects next to streets are at plausible positions."""
 
 from dataclasses import replace
 

@@ -13,7 +13,7 @@ HEIGHT_M = 2.6
 
 
 def seen(mesh, y: float, z: float, *, from_behind: bool = False) -> str:
-    """The material that a level beam meets at a place of the sign."""
+    """Material that a horizontal beam hits at a position of the sign."""
     start = np.array([[3.0 if from_behind else -3.0, y, z]], np.float32)
     ahead = np.array([[-1.0 if from_behind else 1.0, 0, 0]], np.float32)
     _, triangle = Bvh(mesh).first_hit(start, ahead, np.array([10.0], np.float32))
@@ -24,7 +24,7 @@ def seen(mesh, y: float, z: float, *, from_behind: bool = False) -> str:
     ("kind", "y", "z", "material"),
     [
         ("yield", 0.0, 0.0, "sign_face"),
-        ("yield", 0.0, -0.45, "sign_red"),  # it stands on its tip
+        ("yield", 0.0, -0.45, "sign_red"),  # its tip is at the bottom
         ("warning", 0.0, 0.42, "sign_red"),  # and this one points up
         ("warning", 0.0, 0.05, "sign_black"),
         ("stop", 0.0, 0.3, "sign_red"),

@@ -1,4 +1,4 @@
-"""Each effect of the catalogue switched on alone: what it changes, and that it changes nothing else."""
+"""Each single effect of the catalogue: what it changes, and that it changes nothing else."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CHANNELS = ("range", "intensity", "drop", "spurious", "label")
 def table() -> Table:
     """A line an effect: the share of beams that it changes, by channel, with the parameters of its example."""
     found = Table(
-        title="Each effect alone: share of beams changed (of boxes: label)",
+        title="Single effects: share of beams changed (of boxes: label)",
         caption="room: closed, of one material; street: road, walls, glass, sign, two moving cars. In brackets: what "
         "the effect says it cannot but touch. `yes`: its own channel changes, and none that it does not name.",
     )

@@ -1,8 +1,8 @@
-"""How points of vegetation scatter, ours beside real: `python -m tests.bench.foliage DRIVE... [--real DIR]`.
+"""Scatter of points on vegetation, simulated and real: `python -m tests.bench.foliage DRIVE... [--real DIR]`.
 
 Of simulated drives it also says which materials scatter, and how much of what is upright each is.
 
-Vegetation is told as it is in scans without labels: what stands 1 m and more above the ground, 6 to 30 m away, and is
+Vegetation is identified as in scans without labels: points 1 m or more above the ground, 6 to 30 m away, and
 scattered among its 16 nearest neighbours in all directions (least over greatest eigenvalue of their covariance above
 0.08; Lalonde et al., Natural terrain classification, Journal of Field Robotics 23, 2006).
 """
@@ -24,7 +24,7 @@ _LOW_M, _HIGH_M, _NEAR_M, _FAR_M = -0.6, 6.0, 6.0, 30.0  # heights from the sens
 
 
 def upright_of(points: np.ndarray) -> np.ndarray:
-    """Which points (n, ≥ 3) stand 1 m and more above the ground, neither near nor far, (n,) bool."""
+    """(n,) bool: points (n, ≥ 3) 1 m or more above the ground at medium range."""
     distance = np.linalg.norm(points[:, :3], axis=1)
     near = (distance > _NEAR_M) & (distance < _FAR_M)
     return near & (points[:, 2] > _LOW_M) & (points[:, 2] < _HIGH_M)

@@ -1,6 +1,6 @@
-"""How uneven the ground is, ours beside real: `python -m tests.bench.ground DRIVE... [--real DIR] [--frames FILE]`.
+"""Unevenness of the ground, simulated and real: `python -m tests.bench.ground DRIVE... [--real DIR] [--frames FILE]`.
 
-Ground is told as it is in scans without labels: square cells whose points all lie low and within a kerb and a half of
+Ground is identified as in scans without labels: square cells whose points are all low and within a kerb and a half of
 a plane. Two figures, each as quartiles and ninth decile over places: the scatter of a cell's points about its plane,
 by range; and, along single rings, where no laser's calibration enters, second differences of height, whose growth with
 the lag is the ground's spectrum.

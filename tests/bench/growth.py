@@ -34,7 +34,7 @@ def rows() -> Iterator[Row]:
 
 
 def _frame_rows() -> Iterator[Row]:
-    """Processor time of a frame once its episode has begun, and of whole drives."""
+    """Processor time of a frame within a running episode, and of whole drives."""
     yield Row(
         f"a frame, of the town's vehicles: {' / '.join(map(str, _IN_TOWN))}",
         f"{' / '.join(f'{_frame_s(_crowd(count)):.2f}' for count in _IN_TOWN)} s",

@@ -19,7 +19,7 @@ _HIDDEN = "- {effect: range_bias, offset_m: 0.05}\n"
 
 
 def rows() -> Iterator[Row]:
-    """Processor time of this process on drives whose range bias the model lacks."""
+    """Processor time of this process on drives with a range bias that is missing from the model."""
     counts = " / ".join(map(str, _FRAMES))
     compared, diagnosed, verdicts = [], [], []
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Frames a second as users get them: default settings, everybody about, episodes and worlds as they come."""
+"""Frames per second for users: default settings with full traffic, episodes and worlds."""
 
 from __future__ import annotations
 
@@ -72,6 +72,6 @@ def rows() -> Iterator[Row]:
 
 
 def _children_s() -> float:
-    """Processor time of all ended processes so far [s], which others on the machine hardly lengthen."""
+    """Processor time of all ended processes so far [s], which depends little on other load of the machine."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime

@@ -1,4 +1,4 @@
-"""Ours beside real: `python -m tests.bench.realism [DRIVE...] [--variants DIR] --real DIR [--frames FILE]`.
+"""Simulated and real scans: `python -m tests.bench.realism [DRIVE...] [--variants DIR] --real DIR [--frames FILE]`.
 
 A DRIVE is any folder in KITTI's layout with labels: a drive, or what `cosim variants` wrote of one. `--variants DIR`
 takes all that `cosim variants --out DIR` wrote and says which is nearest to the real scans.
@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures here")
     options = parser.parse_args()
     if not options.drives and options.variants is None:
-        parser.error("nothing to hold beside the real frames; give a DRIVE or --variants DIR")
+        parser.error("nothing to compare with the real frames; give a DRIVE or --variants DIR")
     try:
         result = _report(options)
     except CosimError as error:

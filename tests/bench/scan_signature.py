@@ -32,8 +32,8 @@ class Signature:
         reach, car_reach: (f, 9, 3), (f, 5, 3) sums by range, of all and of points on cars.
         intensity, car_intensity: (f, 101) histograms of points elsewhere than on cars, and on cars.
         lost: (f, 9, 2) firings without a return between two returns of one surface, and returns, by range.
-        scatter_m: (f,) standard deviation of ranges along smooth surfaces within 20 m; NaN where it cannot be told.
-        elevation_deg: (f, 64) slope of the cone each ring's points lie on; NaN where it cannot be told.
+        scatter_m: (f,) standard deviation of ranges along smooth surfaces within 20 m; NaN if unknown.
+        elevation_deg: (f, 64) slope of the cone each ring's points lie on; NaN if unknown.
         cars: labelled cars with their points.
     """
 
@@ -123,7 +123,7 @@ def _lost(ring: np.ndarray, azimuth: np.ndarray, distance: np.ndarray) -> np.nda
 
 
 def _scatter_m(ring: np.ndarray, azimuth: np.ndarray, distance: np.ndarray) -> float:
-    """From the lower quartile of second differences of three neighbours, which edges and texture leave alone."""
+    """From the lower quartile of second differences of three neighbours, which edges and texture do not affect."""
     order = np.lexsort((azimuth, ring))
     ring, azimuth, distance = ring[order], azimuth[order], distance[order].astype(np.float64)
     near = (ring[2:] == ring[:-2]) & (azimuth[2:] - azimuth[:-2] < np.radians(0.6)) & (distance[1:-1] < 20)

@@ -78,7 +78,7 @@ def shown_frames(count: int, threads: int) -> Iterator[Shown]:
 
 
 def embree_scene(mesh: Mesh) -> EmbreeScene:
-    """A mesh as Embree alone traces it."""
+    """A mesh traced by Embree only."""
     scene = EmbreeScene(robust=True)
     TriangleMesh(scene, mesh.vertices, mesh.faces)
     return scene

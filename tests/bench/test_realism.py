@@ -1,4 +1,4 @@
-"""The table tells nothing apart that is the same, and counts lost firings where there are some."""
+"""Equal data have distance 0 in the table, and lost firings are counted."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ def row(ours: float, real: float) -> Row:
 def test_the_distance_is_nought_for_what_is_alike_and_the_logarithm_of_the_ratio_else() -> None:
     assert distance([row(0.2, 0.2), row(0.0, 0.0)]) == 0
     assert distance([row(0.1, 0.2)]) == pytest.approx(np.log(2))
-    assert distance([row(0.1, 0.2)]) == pytest.approx(distance([row(0.2, 0.1)])), "both ways alike"
+    assert distance([row(0.1, 0.2)]) == pytest.approx(distance([row(0.2, 0.1)])), "symmetric"
     assert distance([row(0.0, 0.2)]) == pytest.approx(np.log(10)), "what is missing counts as a factor of ten"
     assert distance([row(1e-9, 0.2)]) == pytest.approx(np.log(10)), "and nothing for more"
     with_unknown = [row(0.1, 0.2), row(float("nan"), 0.2)]
-    assert distance(with_unknown) == pytest.approx(np.log(2)), "what cannot be told does not count"
+    assert distance(with_unknown) == pytest.approx(np.log(2)), "unknown values do not count"
 
 
 @pytest.mark.parametrize("sigma_m", [0.0, 0.01, 0.1])

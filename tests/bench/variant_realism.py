@@ -1,4 +1,4 @@
-"""Several sets beside one real one: each quantity in a line, each set in a column, and how far each is from reality."""
+"""Table of several sets and a real one: one line per quantity, one column per set, and the distance from reality."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _SHOWN = ("scan", "points a visible car", *list(_GROUPS)[1:], "intensity of all"
 
 
 def distances(found: Sequence[Row | Gap]) -> dict[str, float]:
-    """Mean |ln(ours/real)| of each group that can be told, none counting for more than a factor of ten.
+    """Mean |ln(simulated/real)| of each known group, limited to a factor of ten.
 
-    A quantity that is nought on one side alone counts as that factor.
+    A quantity that is zero on one side only counts as that factor.
     """
     by_group = {
         name: [_apart(item) for item in found if isinstance(item, Row) and item.group == name] for name in _GROUPS
@@ -39,7 +39,7 @@ def distances(found: Sequence[Row | Gap]) -> dict[str, float]:
 
 
 def distance(found: Sequence[Row | Gap]) -> float:
-    """One number: the mean over the groups. 0 is alike, 0.1 means that a typical figure is off by a tenth."""
+    """Mean over the groups: 0 is equal, 0.1 means that a typical figure differs by a tenth."""
     return float(np.mean(list(distances(found).values())))
 
 
@@ -51,7 +51,7 @@ def side_by_side(
     Args:
         folder: of drives, as `cosim variants --out` leaves them.
         real: of the measured frames `names` (all, if None).
-        measured: all measured frames; those that are not named are a set too, and tell how far apart real scans are.
+        measured: all measured frames; unnamed ones are another set, which shows the distance of real scans.
 
     Raises:
         CosimError: there is no drive in the folder.
@@ -89,7 +89,7 @@ def _table(found: Mapping[str, list[Row | Gap]], title: str) -> Table:
         result.add_row(f"  {words}", "", *(_text(value) for value in values))
     partial = {name for name, items in found.items() if len(distances(items)) < len(_GROUPS)}
     marks = (f"[bold]{value:.2f}{'*' if name in partial else ''}" for name, value in far.items())
-    result.add_row("[bold]  mean of these (* of those that can be told)", "", *marks)
+    result.add_row("[bold]  mean of these (* of known ones)", "", *marks)
     return result
 
 

@@ -35,7 +35,7 @@ def providers(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
         target.write_text(_BELIEVED)
 
     def measured(target: Path) -> None:
-        """What stands for measurements: the same drive by a sensor whose weak echoes come late."""
+        """Replacement of measurements: the same drive by a sensor with range walk."""
         source = request.getfixturevalue("drive_folder")
 
         def measure(folder: Path) -> None:
@@ -45,7 +45,7 @@ def providers(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
         shutil.copytree(made_once(tmp_path_factory, "measured", measure) / "made/true", target)
 
     def tracks(target: Path) -> None:
-        """What stands for measured trajectories: drivers who keep 0.3 m beside the middle of their lanes."""
+        """Replacement of measured trajectories: drivers with a lateral offset of 0.3 m."""
         config = target.with_name("measured_traffic.yaml")
         config.write_text("town: town01\nbehaviour: {preset: calm, lane_offset_m: {kind: constant, value: 0.3}}\n")
         cosim("traffic-record", "--config", config, "--seconds", 60, "--out", target, "--quiet")

@@ -1,4 +1,4 @@
-"""What the pages tell users to type works as it is written."""
+"""Commands and code on the documentation pages work as written."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class Points:
     Attributes:
         true: (n, 3) points in the sensor's axes [m].
         returns: (n,) bool: rows that are returns.
-        stray, dark: (n,) bool: rows whose time, or intensity, tells that they are no returns.
+        stray, dark: (n,) bool: rows whose time, or intensity, shows that they are not returns.
         columns: (n,) stored values by name, in the order of the file.
         ring: (n,) laser numbers.
         time_s: (n,) firing times.
@@ -111,7 +111,7 @@ def store(scans: list[Points], rng: np.random.Generator, drawn: list[str]) -> tu
     first = bool(rng.random() < 0.5)
     drawn += [suffix, f"axes {axes}", f"{metres:g} m", f"{order} order", f"intensity {bright}" if has_intensity else ""]
     drawn += [f"{', '.join(extra)} {'first' if first else 'last'}", f"clock in {clock} from {epoch:g} s"]
-    # A head that turns the other way and a mirrored axis cancel: no reader can tell such a scan from a usual one.
+    # A head that turns the other way and a mirrored axis cancel: such a scan cannot be distinguished from a usual one.
     counter_clockwise = bool(rng.random() < 0.05 and np.linalg.det(_AXES[axes]) > 0)
     world = rng.random() < 0.03
     for number, scan in enumerate(scans):
@@ -136,7 +136,7 @@ def store(scans: list[Points], rng: np.random.Generator, drawn: list[str]) -> tu
         values["return_no"] = (rng.random(len(rows)) < 0.1).astype(float)
         values["zeros"] = np.zeros(len(rows))
         others = {name: values[name] for name in extra}
-        # readings that are not intensities stand behind it, as in all data sets; lasers and times before or behind it
+        # readings that are not intensities come after it, as in all data sets; lasers and times before or after it
         front = {name: value for name, value in others.items() if first and name in ("ring", "time")}
         scan.columns |= front
         if has_intensity:
@@ -262,7 +262,7 @@ def _ply(path: Path, columns: dict[str, np.ndarray], kind: str) -> None:
 def find_error(scans: list[Points], folder: Path) -> str | None:
     """How the scans that a recording holds differ from the truth; None where they agree."""
     recording = open_recording(folder)
-    if any("tells left from right" in note for note in recording.notes):
+    if any("left and right cannot be verified" in note for note in recording.notes):
         mirrored = recording[0].xyz * [1, -1, 1]
         if len(mirrored) == scans[0].returns.sum() and np.abs(mirrored - scans[0].true[scans[0].returns]).max() < 0.01:
             return None  # stated as open

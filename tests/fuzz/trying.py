@@ -70,7 +70,7 @@ def _try(reader: Reader, path: Path, trial: int, tally: Tally) -> None:
         tally.refused += 1
         if "\n" in str(error):
             tally.crashes.setdefault(f"a message of several lines: {error!r}", trial)
-    except Exception as error:  # noqa: BLE001 — to be told whatever it is
+    except Exception as error:  # noqa: BLE001 — any exception is reported
         frame = traceback.extract_tb(error.__traceback__)[-1]
         ours = [entry for entry in traceback.extract_tb(error.__traceback__) if "site-packages" not in entry.filename]
         where = f"{Path(ours[-1].filename).name}:{ours[-1].lineno}, {Path(frame.filename).name}:{frame.lineno}"

@@ -1,4 +1,4 @@
-"""Variants of data whose truth is known: each is read as it is, or refused; a different reading is a silent error."""
+"""Variants of data with known truth: each is read correctly or refused; a different result is a silent error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hidden physics of rays: where the head stands, turns and points when it does not know."""
+"""Hidden physics of rays: unknown position, rotation and direction of the sensor head."""
 
 from __future__ import annotations
 

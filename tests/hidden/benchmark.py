@@ -82,7 +82,7 @@ def _run(case: Case, results: Path, version: Version, options: argparse.Namespac
 
 
 def _finished(cases: list[Case], results: Path) -> list[dict]:
-    """Rows of the finished ones of some cases, scored anew."""
+    """Rows of finished cases, scored again."""
     rows = []
     for case in cases:
         path = results / f"{case.name}.json"

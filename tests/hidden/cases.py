@@ -58,7 +58,7 @@ _SEVERAL = (
     ("range_noise", "incidence_falloff", "false_alarms"),
     ("incidence_bias", "detection_threshold", "ring_elevation"),
 )
-# Catalogue effects beside an unseen one, and the channels that both must not share.
+# Catalogue effects together with an unseen one, and the channels that both must not share.
 _RANGES = ("range", "azimuth_error", "elevation_error", "shared_range", "wiring", "range_variance")
 _COMPANIONS: dict[str, tuple[str, ...]] = {
     "range_walk": _RANGES,

@@ -38,7 +38,7 @@ def incidence(scan: Scan) -> np.ndarray:
 
 
 def measured_intensity(scan: Scan) -> np.ndarray:
-    """(n,) intensity as it stands, 0 where nothing returns."""
+    """(n,) intensity, 0 without a return."""
     return np.where(scan.found, np.clip(scan.intensity, 0, 1), 0.0)
 
 

@@ -1,7 +1,7 @@
-"""Writes a whole measured drive with hidden physics, and what is true beside it.
+"""Writes a measured drive with hidden physics, and the truth next to it.
 
 `python -m tests.hidden.drive BASE OUT --effect 'range_walk: {amplitude_m: 0.05, decay: 4}'` makes `OUT/` (the
-drive), `OUT.sensor.yaml` (what its user believes) and `OUT.truth.json` (what nobody should read).
+drive), `OUT.sensor.yaml` (the user's model) and `OUT.truth.json` (the hidden truth).
 """
 
 from __future__ import annotations

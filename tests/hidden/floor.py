@@ -57,7 +57,7 @@ def noise_floor(
     Args:
         truth: the true sensor.
         drive: a made drive, with `rays/`.
-        world: the drive whose twin is true where nuisances spoilt the made one's; None for its own.
+        world: the drive with the true twin if nuisances changed the twin of the made one; None for its own.
         frames: rows of its frames.
         members: of the ensemble.
         seed: of the ensemble; its noise is not the data's.
@@ -119,7 +119,7 @@ def edges(scan: Scan) -> np.ndarray:
 
 
 def _still(truth: Truth) -> Truth:
-    """The sensor without noise, loss or clutter: the surfaces alone."""
+    """The sensor without noise, loss or clutter: only the surfaces."""
     noisy = ("range_noise", "intensity_noise", "random_dropout", "detection_threshold", *CLUTTER)
     aims = {} if truth.bends_at_random else dict(truth.at("aim"))
     effects = {name: p for name, p in truth.effects.items() if name not in noisy}

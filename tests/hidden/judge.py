@@ -1,4 +1,4 @@
-"""Runs one command of `cosim` as a user would: `python -P judge.py CODE COMMAND …`.
+"""Runs one command of `cosim` in a process of its own: `python -P judge.py CODE COMMAND …`.
 
 CODE is the repository whose `cosim` runs; nothing of `tests.hidden` can be imported by it.
 """

@@ -1,7 +1,7 @@
 """What is wrong with the twin that comes with a measured drive: labels, map and poses are never exact.
 
 `usual` is what half of all cases have: poses, objects and paints a little off. `harder` is half as much again, and a
-fifth of what stands tall is not where the map has it. The others are single faults, for nulls of their own.
+fifth of the tall objects is displaced from the map. The others are single faults, for separate nulls.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def written_frames(frames: list[dict], names: tuple[str, ...], rng: np.random.Ge
 
 
 def _spoil(frames: list[dict], factor: float, rng: np.random.Generator) -> None:
-    """Poses of scans, places of objects and their paints, independent of each other."""
+    """Errors of scan poses, object positions and paints, independent of each other."""
     tracks: dict[str, np.ndarray] = {}
     paints: dict[str, float] = {}
     for frame in frames:

@@ -36,8 +36,8 @@ class Truth:
     Attributes:
         effects: catalogue effects and their parameters.
         unseen: kinds of `unseen.registry.KINDS` and their parameters.
-        range_law, intensity_law: names of noise laws in `reading.LAWS`.
-        outliers: share of returns whose range is off by up to a metre.
+        range_law, intensity_law: names of noise distributions in `reading.LAWS`.
+        outliers: share of returns with a range error of up to a metre.
     """
 
     effects: Mapping[str, Mapping] = field(default_factory=dict)

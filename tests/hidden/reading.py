@@ -1,4 +1,4 @@
-"""Hidden physics of the range and intensity that are read out; noise of whatever law."""
+"""Hidden physics of measured ranges and intensities; noise of several distributions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def range_quantization(scan: Scan, rng, step_m: float) -> None:
 
 
 def gaussian(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Standard deviation 1: the law that sensor models believe in."""
+    """Normal distribution of standard deviation 1, as assumed by sensor models."""
     return rng.normal(size=n)
 
 

@@ -1,4 +1,4 @@
-"""Recordings with hidden physics: scans alone, to be calibrated blind, and beside it the same drive with its true twin.
+"""Recordings with hidden physics: scans only, calibrated blind, and the same drive with its true twin.
 
 `python -m tests.hidden.recordings` simulates a drive of scans that follow each other, hides one effect after the other
 in it, takes everything but `velodyne/` away, lets `cosim calibrate` and, on the drive with its twin, `cosim diagnose`
@@ -129,7 +129,7 @@ def arranged(recording: Path, order: str) -> Path:
 
 
 def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str = "rings") -> Answer:
-    """What scans alone say, from the user's sensor file or from nothing; what points tell by themselves comes first."""
+    """Result from scans only, starting from the user's sensor file or from nothing; findings from points come first."""
     recording, _, file = made(case, folder)
     recording = arranged(recording, order)
     name = "calibrated_from_file" if sensor else "calibrated"
@@ -148,7 +148,7 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
 
 
 def _of_points(effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What the pattern in the points told before any diagnosis, as findings: two optical centres; noise is a guess."""
+    """Findings of the pattern estimate before any diagnosis: two optical centres; noise is an initial value."""
     return [
         {"effect": one["effect"], "params": {name: one[name] for name in one if name != "effect"}, "ci95": {}}
         for one in effects
@@ -217,7 +217,7 @@ def main(words: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, default=FOLDER)
     parser.add_argument("--only", nargs="*", default=[], help="names of cases")
-    parser.add_argument("--from-file", action="store_true", help="begin with the user's sensor file, not with nothing")
+    parser.add_argument("--from-file", action="store_true", help="start from the user's sensor file, not from nothing")
     parser.add_argument("--true-twin", action="store_true", help="also diagnose with the true twin")
     parser.add_argument("--order", choices=ORDERS, default="rings", help="of the points in the files")
     parser.add_argument("--rounds", type=int, default=5, help="of map and diagnosis at most")
@@ -226,7 +226,7 @@ def main(words: list[str] | None = None) -> None:
         if case.name in FURTHER if not options.only else case.name not in options.only:
             continue
         answer = calibrated(case, options.folder, options.from_file, options.rounds, options.order)
-        print("scans alone:", line(case, answer), flush=True)
+        print("scans only:", line(case, answer), flush=True)
         if options.true_twin:
             print("true twin:  ", line(case, diagnosed(case, options.folder)), flush=True)
         name = case.name if options.order == "rings" else f"{case.name}_{options.order}"

@@ -12,7 +12,7 @@ from tests.hidden.cases import UNSEEN_GROUPS, Case
 from tests.hidden.truth import Finding
 
 _TOP = 5
-_LEAST_EXPLAINED = 0.02  # of the error, from which on the budget of compare is asked for its missing part
+_LEAST_EXPLAINED = 0.02  # share of the error above which the missing part of compare's budget is scored
 _PLUG_IN = ".py:"
 
 

@@ -32,7 +32,7 @@ def measured_shape(hidden: Hidden, base: Path, improved: Path, work: Path, versi
     Args:
         hidden: what was hidden.
         base: the simulated drive, whose stored hits are replayed with what the diagnosis added, and without noise.
-        improved: the improved sensor, with its plug-ins beside it.
+        improved: the improved sensor, with its plug-ins next to it.
         work: folder for the replayed drive.
         version: the code that diagnosed.
 

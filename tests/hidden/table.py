@@ -10,7 +10,7 @@ import numpy as np
 from tests.hidden.cases import BESIDE, FORM, NULL, SEVERAL, SINGLE, TWO, UNSEEN, UNSEEN_GROUPS
 from tests.hidden.unseen.kind import LEVELS
 
-_MAIN = (UNSEEN, TWO, BESIDE)  # unseen kinds, one or two at once; simple forms are beside them
+_MAIN = (UNSEEN, TWO, BESIDE)  # unseen kinds, one or two at once; simple forms are separate
 _ELSEWHERE = ("KITTI, 60 + 44 frames: elevation error found blind, error on the test frames ≤ 3.94, ≤ 3 CPU minutes",)
 
 Row = Mapping
@@ -90,7 +90,7 @@ def _unseen() -> list[_Line]:
 
 
 def _asked(groups: tuple[str, ...], level: str) -> list[tuple[str, str, Values]]:
-    """What is asked of unseen effects: words, target, values."""
+    """Criteria for unseen effects: words, target, values."""
     return [
         ("reported or listed", "≥ 0.95", _of(groups, "reported_or_listed", level, 0)),
         ("reported", "", _of(groups, "reported", level, 0)),
@@ -171,7 +171,7 @@ def _print_kinds(name: str, rows: Sequence[Row]) -> None:
 
 
 def _of(groups: tuple[str, ...] | str | None, key: str, level: str = "", missed: float | None = None) -> Values:
-    """A column of the rows of some groups; `missed` stands for cases that failed to run."""
+    """A column of the rows of some groups; `missed` is the value of cases that failed to run."""
     names = (groups,) if isinstance(groups, str) else groups
 
     def values(rows: Sequence[Row]) -> list:

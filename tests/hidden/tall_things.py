@@ -1,4 +1,4 @@
-"""Tall static things that do not stand where the map has them: buildings, poles, trees, hedges."""
+"""Tall static objects displaced from the map: buildings, poles, trees, hedges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Labels drawn too small are told from labels drawn unsteadily, on a traced town."""
+"""Labels that are too small are distinguished from noisy labels, on a traced town."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from tests.hidden.twin_tracing import Twin
 
 _SMALL = Hidden(firings=400, every_ring=2, noise=False)
 
-# Columns that an effect changes among the beams that return, and those it leaves alone.
+# Columns that an effect changes among the beams that return, and those that it does not change.
 _CHANGES = {
     "beam_divergence": "range intensity found",
     "wet_road": "found intensity range",
@@ -288,7 +288,7 @@ def test_noise_floor_is_that_of_the_noise_law(base: Path, tmp_path: Path) -> Non
     hidden = replace(_SMALL, noise=True, frames=1, range_law="laplace")
     made = make_drive(base, tmp_path / "drive", hidden)
     floor = noise_floor(hidden.truth, made.drive, [0])
-    # E|x − x'|/2 of a Laplace law of standard deviation σ is 3/4·σ/√2.
+    # E|x − x'|/2 of a Laplace distribution of standard deviation σ is 3/4·σ/√2.
     assert floor.channels["range"] == pytest.approx(0.75 * 0.02 / 2**0.5, rel=0.05)
     assert floor.channels["drop"] == 0
     assert floor.channels["spurious"] == 0

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-_MOST_BESIDE = 1  # covariates named beside the right ones
+_MOST_BESIDE = 1  # covariates named in addition to the right ones
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Finding:
         return each and sum(name not in self._names for name in named) <= _MOST_BESIDE
 
     def to_json(self) -> dict[str, Any]:
-        """As written beside a made drive."""
+        """As written next to a made drive."""
         return {
             "channels": list(self.channels),
             "covariates": [list(names) for names in self.covariates],

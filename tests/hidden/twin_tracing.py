@@ -104,7 +104,7 @@ class Twin:
         found = self._first(frame, origin, direction, np.asarray(after, float), far)
         for surfaces in found:
             rows = np.flatnonzero(surfaces.distance < near)
-            if len(rows):  # look again from where the reach begins
+            if len(rows):  # look again from the start of the reach
                 start = origin[rows] + near * direction[rows]
                 time = np.broadcast_to(after, len(direction))[rows]
                 further = self._first(frame, start, direction[rows], time, far - near)[surfaces is found[1]]

@@ -1,4 +1,4 @@
-"""The rig obeys KITTI's signs and stands where KITTI's stood."""
+"""The rig has KITTI's signs and mount positions."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def test_a_depth_camera_survives_its_file():
 def test_a_faulty_depth_camera_is_refused_in_one_line(line, complaint):
     key = line.partition(":")[0]
     text = load_pattern("depth_camera").to_yaml().splitlines()
-    # Lists of one line stand under their key.
+    # Lists of one line are below their key.
     kept = [row for row in text if not row.startswith(key)]
     with pytest.raises(SensorError, match=complaint) as caught:
         parse_pattern("\n".join([*kept, line]), origin="mine.yaml")

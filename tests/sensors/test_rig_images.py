@@ -70,7 +70,7 @@ def test_the_last_of_65535_keeps_its_number_and_its_material():
     assert shown.sum() > 1000
     assert (images.instance[shown] == 65535).all()
     assert (images.material[shown] == material_index("helmet") + 1).all()
-    assert len(MATERIALS) < 128  # what a pixel of the last instance can carry beside its number
+    assert len(MATERIALS) < 128  # limit of a pixel next to the number of its instance
 
 
 def test_the_class_table_names_materials_once_and_only_known_ones():

@@ -74,7 +74,7 @@ def test_folders_need_one_configuration(tmp_path):
 def test_other_files_are_not_configurations(tmp_path, town):
     (tmp_path / "notes.txt").write_text("a town")
     assert "is not a .sumocfg" in _message(tmp_path / "notes.txt")
-    assert read_town(town.net).streets_only  # a network alone is streets, for trajectories
+    assert read_town(town.net).streets_only  # a network file has only streets, for trajectories
     assert "names 0 networks" in _message(_town(tmp_path, None, "<configuration/>"))
 
 

@@ -35,7 +35,7 @@ def scenario(folder, net, options="", additional="", routes=""):
 
 
 def simulate(town, folder, seconds=20):
-    """Run SUMO itself on what is left of a scenario; gives all files it has written beside those it was given."""
+    """Run SUMO on the prepared scenario; return all new files."""
     config = town.runnable(folder)
     given = {path for path in (*folder.rglob("*"), *town.folder.rglob("*"))}
     command = [sumo_home() / "bin" / "sumo", "-c", config, "--end", str(seconds), "--no-step-log"]

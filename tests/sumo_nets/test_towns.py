@@ -141,7 +141,7 @@ def test_the_ring_road_is_fast_and_its_ramps_get_a_lane_to_merge_on():
         ("in2b_in2c", "1"),
         ("in2b_in2c", "2"),
     ]
-    assert {link.get("state") for link in merges} == {"M"}  # nobody waits: each lane goes on as one of its own
+    assert {link.get("state") for link in merges} == {"M"}  # no vehicle yields: each lane continues as a separate one
 
 
 def test_the_hills_are_steep_but_no_steeper_than_eight_percent():

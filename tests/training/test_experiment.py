@@ -1,4 +1,4 @@
-"""A table runs what it has frames for, names what it has not, and takes up what it finished."""
+"""A table runs rows with frames, names the others, and continues from finished ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cosim detect DRIVE` with the detector that comes along, on drives and on bare scans."""
+"""`cosim detect DRIVE` with the included detector, on drives and on bare scans."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_bare_scans_need_neither_calibration_nor_labels(scans, tmp_path, capsys)
     assert "2.10 m above the ground" in capsys.readouterr().err
     found = [read_labels(file) for file in sorted(out.glob("*.txt"))]
     assert len(found) == 4 and read_calibration(out / "calib" / "000000.txt").P2.shape == (3, 4)
-    for labels in found:  # cars stand on the ground, 2.1 m below the LiDAR
+    for labels in found:  # cars are on the ground, 2.1 m below the LiDAR
         assert labels.location[labels.score > 0.5, 1] == pytest.approx(2.1, abs=0.4)
 
 

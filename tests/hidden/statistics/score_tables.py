@@ -64,7 +64,7 @@ class Scores:
 
 
 def draw_beams(rng: np.random.Generator, count: int = 4000, tracks: int = 120, scans: int = 10) -> Beams:
-    """Draw beams; sizes of tracks follow a power law."""
+    """Draw beams; sizes of tracks have a power-law distribution."""
     size = rng.pareto(1.2, tracks) + 0.2
     track = rng.choice(tracks, count, p=size / size.sum())
     firing = rng.integers(0, 300, count)

@@ -1,1 +1,1 @@
-"""Measured traffic with hidden driver behaviour, made with SUMO alone."""
+"""Measured traffic with hidden driver behaviour, made with SUMO only."""

@@ -66,7 +66,7 @@ def make(
 
 
 def _wish(libsumo, name, habit, rng, wishes, seen) -> None:
-    """Now and then somebody changes lanes for no reason, about once a road with a chance."""
+    """Random lane changes without a reason, with some probability per road."""
     if not habit["change_per_edge"] or libsumo.vehicle.getStopState(name) & _PARKING:
         return
     edge = libsumo.vehicle.getRoadID(name)

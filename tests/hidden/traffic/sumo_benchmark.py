@@ -1,4 +1,4 @@
-"""How well hidden behaviour is found where SUMO alone drove: `python -m tests.hidden.traffic.sumo_benchmark`.
+"""How well hidden behaviour is found in SUMO simulations: `python -m tests.hidden.traffic.sumo_benchmark`.
 
 Networks are a grid, a ring with arms, a motorway with ramps and an irregular town. The user's configuration names the
 network and `behaviour: sumo`; the table has no lanes. Finished cases are kept in `out/hidden/traffic_sumo`.

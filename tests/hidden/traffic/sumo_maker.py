@@ -1,4 +1,4 @@
-"""Lets SUMO alone drive a network with something hidden, and writes what a camera above would have measured.
+"""Simulates a network in SUMO with a hidden behaviour, and writes what a camera above would measure.
 
 Run as a program, a process each: `python -m tests.hidden.traffic.sumo_maker TASK.json`. It shares no code with cosim.
 """

@@ -1,4 +1,4 @@
-"""A hidden habit of drivers that SUMO alone was told of is found, with its size; and the loop writes what it found."""
+"""A hidden driver behaviour of a SUMO simulation is found, with its size; the loop writes its findings."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_simulations_whose_process_dies_are_done_again(tmp_path: Path) -> None:
     statistics, seeds = [], range(3)
     for killed in (False, True):
         with open_case(csv, config, workers=1) as case, ThreadPoolExecutor(1) as beside:
-            case.simulations.run([(case.behaviour, 9)])  # its process has begun
+            case.simulations.run([(case.behaviour, 9)])  # its process has started
             running = beside.submit(case.simulations.run, [(case.behaviour, seed) for seed in seeds])
             if killed:
                 (worker,) = multiprocessing.active_children()

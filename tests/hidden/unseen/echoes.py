@@ -153,7 +153,7 @@ def _sun(scan: Scan, rng: np.random.Generator, p: Parameters) -> None:
 
 def _truth_sun(p: Parameters, world: World) -> tuple[Finding, ...]:
     names, effects = ("world_azimuth", "sun_azimuth"), ()
-    if np.radians(world.heading_range_deg) < p["width_rad"]:  # the ego hardly turns
+    if np.radians(world.heading_range_deg) < p["width_rad"]:  # the ego vehicle does not turn enough
         names, effects = (*names, *AZIMUTH), ("false_alarms",) if p["does"] == "spurious" else ()
     beside = ("random_dropout",) if p["does"] == "drop" else ()
     # A uniform return in front of a surface is early, one behind it late.

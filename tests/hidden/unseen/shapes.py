@@ -1,7 +1,7 @@
 """Effects of every simple form: a channel, its covariates, a size and a shape, all drawn from a seed.
 
 A form is a weight (n,) of beams, about −1…1 (0…1 for losses), times a size, in a channel: metres added to the range,
-a relative change of the intensity, or a probability of loss. `noise_shape` alone has no weight: it is a law of noise.
+a relative change of the intensity, or a probability of loss. `noise_shape` has no weight: it is a noise distribution.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _finding_one(p: Parameters) -> Finding:
     return Finding((p["channel"],), (COLUMNS[p["covariate"]].accepted,), by_laser)
 
 
-# A pair: a product of two centred functions, so that neither alone moves the mean.
+# A pair: a product of two centred functions, so that a single one does not change the mean.
 def _log_range(scan: Scan) -> np.ndarray:
     return np.tanh(np.log(np.maximum(scan.range_m, 0.1) / 8.5) / 0.8)
 
@@ -254,7 +254,7 @@ def _draw_noise(rng: np.random.Generator, level: str, world: World) -> dict[str,
 
 
 def noise_law(p: Parameters, base: Callable) -> Callable[[np.random.Generator, int], np.ndarray]:
-    """A law of mean 0 and standard deviation 1, of whose variance `share` has the shape and the rest is `base`."""
+    """Distribution of mean 0 and variance 1, of which `share` has the shape and the rest is `base`."""
 
     def shaped(rng: np.random.Generator, n: int) -> np.ndarray:
         if p["law"] == "two_humps":

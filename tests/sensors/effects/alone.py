@@ -1,4 +1,4 @@
-"""What an effect, switched on alone, changes of a scan and of its labels."""
+"""Changes of a scan and of its labels by a single effect."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Change:
 def change_by(name: str) -> Change:
     """What the effect changes with its example's parameters."""
     kind = built_in_effects()[name]
-    # Beams that turn meet other things: only where all is alike do they show in the range alone.
+    # Deflected beams hit other objects: only in a uniform scene does a deflection change just the range.
     where = "room" if kind.stage == "beam" else "street"
     before, _ = bare(where)
     after, shot = _shot(where, effect(name))
@@ -89,7 +89,7 @@ def _shot(where: str, *effects):
 
 
 def boxes(returns: Returns, shot) -> LabelBoxes:
-    """The street's cars as labels; the second stands in the sky, where there are no points."""
+    """The street's cars as labels; the second is in the sky, where there are no points."""
     placed = cars()
     return LabelBoxes(
         kinds=("Car",) * len(placed),

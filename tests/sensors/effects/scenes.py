@@ -38,7 +38,7 @@ def no_model(name):
 
 
 def room(half_m: float = 30.0) -> Scene:
-    """A closed room of one material, in which every beam answers alike."""
+    """A closed room of one material, in which all beams return the same."""
     return Scene(box((2 * half_m, 2 * half_m, 40.0), (0, 0, 20.0 - 0.001), "concrete"), no_model)
 
 

@@ -133,7 +133,7 @@ def test_a_turning_sensor_looks_along_its_own_heading():
 
 @pytest.mark.parametrize("speed", [15.0, -25.0])
 def test_a_moving_object_is_met_where_it_is_when_the_beam_fires(speed):
-    """A wide board ahead comes nearer or goes away; the sensor stands."""
+    """A wide board ahead approaches or recedes; the sensor does not move."""
     board = instances([pose(15.0)])
     board = replace(board, velocity_mps=np.array([[speed, 0.0, 0.0]]))
     world = Scene(plane(-50.0), lambda _: wall(0.0, half_m=8.0))

@@ -27,7 +27,7 @@ def test_the_field_has_unit_variance_and_neighbours_are_alike() -> None:
 
 
 def test_reflectance_belongs_to_the_place_and_not_to_the_beam() -> None:
-    """Beams of two lasers that meet the same cell see the same reflectance; the field changes nothing else."""
+    """Beams of two lasers that hit the same cell have the same reflectance; the field changes no other channel."""
     kind = effect("reflectance_field", surfaces="ground", sigma=0.5, cell_m=0.5)
     bare, shot = shoot(sensor(), ROAD)
     found, _ = shoot(sensor(kind), ROAD)

@@ -1,4 +1,4 @@
-"""Beams enter foliage as Beer and Lambert say, and nothing else."""
+"""Beams enter foliage by the Beer–Lambert law, and no other material."""
 
 from __future__ import annotations
 

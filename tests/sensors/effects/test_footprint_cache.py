@@ -1,4 +1,4 @@
-"""Footprints known at some radii tell others, and those of beams bent a little."""
+"""Footprints at some radii give those at others, and those of slightly deflected beams."""
 
 from dataclasses import fields, replace
 

@@ -77,7 +77,7 @@ def test_a_car_seen_through_both_side_windows_returns_what_is_behind_it():
 
 
 def test_a_metal_wall_shows_the_scene_at_the_folded_range():
-    """The sensor faces a mirror 10 m ahead, a wall stands 5 m behind it: the ghost is at 25 m."""
+    """The sensor faces a mirror 10 m ahead, with a wall 5 m behind it: the ghost is at 25 m."""
     scene = Scene(Mesh.merge([wall(10.0, "cladding_metal"), wall(-5.0)]), no_model)
     returns, shot = shoot(sensor(effect("mirror_ghost", strength=1.0)), scene, pose=np.eye(4))
     seen = shot.rays.direction[returns.beam, 0] > 0.5

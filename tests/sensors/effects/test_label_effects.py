@@ -1,4 +1,4 @@
-"""Boxes as annotators draw them: the law of each edge, and which faces give way."""
+"""Boxes as annotators draw them: the distribution of each edge, and which faces move."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Every effect, switched on alone, changes the channel it is about and no other."""
+"""Each single effect changes its own channel and no other."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Parts of the own vehicle hide what lies behind them, and nothing else."""
+"""Parts of the own vehicle hide surfaces behind them, and no others."""
 
 import numpy as np
 from hypothesis import given, settings

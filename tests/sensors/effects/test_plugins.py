@@ -1,4 +1,4 @@
-"""A user's own effect, from a file beside the sensor file; and what is said when it is wrong."""
+"""Users' effects from a file next to the sensor file, and their error messages."""
 
 import importlib
 

@@ -1,4 +1,4 @@
-"""Intensity from what the camera saw: its law, what hides a surface from it, and what shines."""
+"""Intensity projected from camera images: equation, occlusion, and lamps."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Intensities, detection, noise and rounding: laws to their figures, chances to their distributions."""
+"""Intensities, detection, noise and rounding: equations and distributions."""
 
 import numpy as np
 import pytest

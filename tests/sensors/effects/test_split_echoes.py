@@ -40,7 +40,7 @@ def test_a_post_between_the_samples_may_answer() -> None:
     x, y = range_m * np.cos(azimuth), range_m * np.sin(azimuth)
     post = Scene(box((0.008, 0.008, 8.0), (x, y, 0.0), "steel_galvanised"), no_model)
     whole = shoot(sensor(), post, pose=np.eye(4))[1]
-    assert not whole.hits.solid.exists.any(), "it stands between the middles of beams"
+    assert not whole.hits.solid.exists.any(), "it is between the beam centres"
     beside = np.abs(whole.rays.azimuth - (azimuth - beside_rad)) < 1e-6
     rows = np.arange(len(whole.rays))
     again = Shot(whole.pattern, whole.rays, traced=whole.traced, world=whole.world, whole=whole, rows=rows)

@@ -16,7 +16,7 @@ def test_drops_follow_their_hazard_and_hide_what_is_behind():
     returns, _ = of_hits(sensor(effect("backscatter", density_per_m=density, mean_range_m=mean)), room(200.0))
     drops = returns.take(returns.instance == NOTHING)
     total = density * mean * (np.exp(-NEAR_M / mean) - np.exp(-19 / mean))
-    near = drops.range_m < 19  # nothing else is nearer than the ground
+    near = drops.range_m < 19  # no other surface is nearer than the ground
     share = 1 - np.exp(-total)
     assert drops.range_m.min() >= NEAR_M
     up = np.count_nonzero(near) / BEAMS

@@ -48,5 +48,5 @@ def as_detections(rng: np.random.Generator, labels: Labels, spread: float = 0.08
 
 
 def perfect(labels: Labels) -> Labels:
-    """The labels as detections, all sure."""
+    """The labels as detections with score 1."""
     return replace(labels.cared_for, score=np.ones(len(labels.cared_for)))

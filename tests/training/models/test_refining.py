@@ -31,7 +31,7 @@ def refiner() -> PointRefiner:
 
 
 def seen(places=((12.0, 3.0), (20.0, -6.0))) -> tuple[torch.Tensor, torch.Tensor]:
-    """Points (n, 5) on cars, and boxes (m, 7) a little beside them."""
+    """Points (n, 5) on cars, and boxes (m, 7) with a small offset."""
     rng = np.random.default_rng(0)
     boxes = np.array([[x, y, GROUND_M + 0.75, 3.9, 1.6, 1.5, 0.4 + y] for x, y in places])
     points = np.concatenate([car_points(box, rng) for box in boxes])
