@@ -1,4 +1,4 @@
-"""How much disk a run takes, before it begins."""
+"""Estimate of the disk space of a run before its start."""
 
 import shutil
 

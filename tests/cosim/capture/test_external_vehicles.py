@@ -1,4 +1,4 @@
-"""External vehicles drive beside those of the catalogue, at exactly their vTypes' sizes."""
+"""External vehicles are simulated together with those of the catalogue, with exactly their vTypes' sizes."""
 
 from __future__ import annotations
 

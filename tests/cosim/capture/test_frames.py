@@ -140,7 +140,7 @@ def test_alpha_is_rotation_y_less_the_bearing(drive):
 
 
 def test_the_twin_alone_gives_the_same_scan(drive):
-    """Tracing what is on disk, and nothing else, gives the points that are on disk."""
+    """Tracing the files on disk gives the points on disk."""
     frame = drive["000003"]
     twin = frame.twin
     scene = Scene(read_glb(drive.root / "twin/static.glb"), lambda name: read_glb(drive.model_path(name)))

@@ -1,4 +1,4 @@
-"""A drive holds the images its configuration asks for, and they agree with its labels and its twin."""
+"""A drive has the configured images, which agree with its labels and its twin."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WANTED = ("image_0", "image_1", "image_3", "depth_0", "depth_1", "semantic_2", "
 def stereo(run_config, tmp_path_factory) -> Drive:
     text = run_config.read_text().replace("frames: 8", "frames: 4").replace("seed: 3", "seed: 6")
     text += f"images: [{', '.join(WANTED)}]\nstore_hits: false\n"
-    text += "min_label_points: 0\nannotators: {enabled: false}\n"  # nobody who shows is left to DontCare
+    text += "min_label_points: 0\nannotators: {enabled: false}\n"  # no visible object becomes DontCare
 
     def make(folder: Path) -> None:
         (folder / "run.yaml").write_text(text)
@@ -66,7 +66,7 @@ def test_depths_of_both_gray_cameras_tell_of_one_world(stereo):
 
 
 def test_labels_stand_for_what_the_instance_image_shows(stereo):
-    """What shows 20 pixels within 80 m is labelled, of its class, in a box around its pixels; nothing else is."""
+    """Exactly the objects with 20 pixels within 80 m are labelled, with their class and a box around their pixels."""
     labelled = 0
     for frame in stereo:
         numbers, classes = frame.instances(), frame.image("semantic_2")

@@ -200,7 +200,7 @@ def _rig(**changes: object) -> dict:
         (_rig(cameras=[{**RIG["cameras"][0], "P": [[1, 0, 0, 0]] * 3}]), "give either K"),
         (
             _rig(cameras=[{**RIG["cameras"][0], "distortion": {"coefficients": [-5.0, 0.0, 0.0, 0.0]}}]),
-            "cannot be undone|farther aside",
+            "cannot be undone|half field of view",
         ),
         (_rig(lidars=[{"name": "a b", "mount": {"x_m": 0, "z_m": 2}}]), "small letters, digits and _"),
         ("carrier: [", "cannot be read"),

@@ -32,7 +32,7 @@ def start_run(config: Path, folder: Path, *options: str) -> subprocess.Popen[str
 
 
 def linked(drive: Path, folder: Path) -> Path:
-    """A drive of one's own to be run on: its files are links."""
+    """A copy of a drive for another run: its files are links."""
     return shutil.copytree(drive, folder / "drive", copy_function=os.link)
 
 
@@ -107,7 +107,7 @@ def test_a_second_run_is_refused_and_a_recording_process_that_is_killed_is_repla
     folder = tmp_path / "drive"
     process = start_run(blind_config, folder)
     wait_for_frames(folder, 1, process)
-    os.killpg(process.pid, signal.SIGSTOP)  # else it may have ended before the second begins
+    os.killpg(process.pid, signal.SIGSTOP)  # otherwise it may end before the second one starts
     said = refused("run", blind_config, "--out", folder, "--quiet")
     assert f"another run (process {process.pid} on " in said
     (child,) = children_of(process)

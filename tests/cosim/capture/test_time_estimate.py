@@ -1,4 +1,4 @@
-"""How long a run takes, before it begins."""
+"""Estimate of the duration of a run before its start."""
 
 import pytest
 

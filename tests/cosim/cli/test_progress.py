@@ -68,7 +68,7 @@ def test_nothing_is_said_any_more_once_the_work_is_over():
 
 def test_time_left_is_that_of_what_is_left_at_the_pace_so_far():
     report = ProgressReport(redirected()[0], "training", unit="steps")
-    report.reach("epoch 1", 100, 400)  # a training that is taken up again: the first hundred cost nothing now
+    report.reach("epoch 1", 100, 400)  # a resumed training: the first hundred take no time now
     time.sleep(0.05)
     report.reach("epoch 2", 200, 400, "loss 0.100")
     assert report.per_s is not None and 100 / report.per_s >= 0.05

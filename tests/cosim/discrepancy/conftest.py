@@ -1,4 +1,4 @@
-"""A yard measured by a sensor that its user's file lacks a range error of."""
+"""A yard measured by a sensor with a range error that is missing in the user's file."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def make_yard(
         known: entries of the sensor file.
         frames: how many.
         change: of every scan's points (n, 4) before they are written.
-        shifted_m: how far the twin stands beside the truth.
+        shifted_m: displacement of the twin from the truth.
         columns: floats a point; 3 leaves intensities out.
         seed: of the sensor's noise.
         car: what the moving car looks like, 4.0 × 1.8 × 1.5 m of `car_paint`; by default a box.

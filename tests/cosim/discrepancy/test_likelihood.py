@@ -51,7 +51,7 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: FittedFrames) -> None
     expected = _away_from_bounds(view)
     sample = replace(view.fitter.sample, intensity=np.zeros(len(expected.seen)), above_m=expected.rise_m)
     sigma, grid = range_spread_m(expected, sample.settings.likelihood), np.linspace(-8, 8, 81)  # of arsinh of deviates
-    at_once = float(np.exp(student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
+    at_once = float(np.exp(student(np.zeros(1)))[0])  # of every rise here, which equals its expectation
 
     def chance(along_m: np.ndarray) -> np.ndarray:
         return np.exp(residuals_of(replace(sample, along_m=along_m), expected).loglik)

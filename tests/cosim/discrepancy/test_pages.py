@@ -83,7 +83,7 @@ def targets(text: str, channel: str, covariate: str) -> dict[int, str]:
 
 @pytest.fixture(scope="module")
 def compared(biased_yard: Yard) -> str:
-    """The page of a comparison with a sensor that lacks a bias of 4 cm."""
+    """The page of a comparison with a sensor without the true bias of 4 cm."""
     return format_comparison(compare(biased_yard.drive, biased_yard.sensor), "cosim diagnose")
 
 

@@ -30,7 +30,7 @@ NOISY = (RangeNoise(sigma_m=0.01, sigma_per_m=0.0),)
 
 
 def shaken_yard(folder: Path, *effects: Effect) -> Yard:
-    """A yard whose twin has every pose of the vehicle off by a shift and a turn of its own."""
+    """A yard whose twin has a random shift and rotation of each pose of the vehicle."""
     yard = make_yard(folder, (*effects, *NOISY), known=(NOISE,), frames=12)
     rng = np.random.default_rng(3)
     for path in sorted((yard.drive / "twin/frames").glob("*.json")):

@@ -53,9 +53,7 @@ def check_lasers(blocks: DualBlock, rings: RingElevation, known_deg: np.ndarray)
     errors_deg = known_deg - np.array(PLAIN.pattern.elevation_deg)
     found_deg = np.array(rings.offsets_deg)
     assert np.corrcoef(found_deg, errors_deg)[0, 1] > 0.999
-    assert (
-        np.sqrt(np.mean((found_deg - errors_deg) ** 2)) < 0.05
-    )  # lasers of a block stand up to 6 mm beside their mean
+    assert np.sqrt(np.mean((found_deg - errors_deg) ** 2)) < 0.05  # lasers of a block are up to 6 mm from their mean
 
 
 class Fits:
@@ -88,7 +86,7 @@ def test_a_diagnosis_finds_them_blind(kitti_source: Path, tmp_path: Path) -> Non
     assert isinstance(blocks, DualBlock) and isinstance(rings, RingElevation) and isinstance(offset, ElevationOffset)
     check_lasers(blocks, rings, table(kitti_source))
     assert 0.1 < offset.offset_deg < 0.3
-    most = {"intensity_quantization": 1.001, "dual_block": 1.05}  # of rounding and of rises no error tells
+    most = {"intensity_quantization": 1.001, "dual_block": 1.05}  # errors do not depend on rounding and rises
     for one in found.effects:
         assert one.error_after.error < most.get(one.effect, 1.0) * one.error_before.error
     assert found.error_after < 0.06 * found.error_before

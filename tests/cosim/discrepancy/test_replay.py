@@ -1,4 +1,4 @@
-"""Beams of several frames replayed at once expect what each frame's expect alone."""
+"""Beams of several frames replayed at once have the same prediction as those of each frame."""
 
 from __future__ import annotations
 

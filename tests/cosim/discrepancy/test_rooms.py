@@ -33,7 +33,7 @@ def modules(*, whole: bool = False) -> dict[str, set[str]]:
 
 
 def _imported(tree: ast.Module, whole: bool) -> Iterator[str]:
-    for node in ast.walk(tree) if whole else tree.body:  # what is in functions, or for types alone, comes later
+    for node in ast.walk(tree) if whole else tree.body:  # imports in functions, or only for types, come later
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{HOME}."):
             yield node.module.removeprefix(f"{HOME}.")
 

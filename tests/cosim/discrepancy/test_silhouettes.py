@@ -110,7 +110,7 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(context: Conte
         [(middles + steps).reshape(-1, len(near)), np.linspace(0, constants.reach_m, 41)[:, None] + 0 * near]
     )
     grid = np.sort(np.clip(grid, 0, constants.reach_m), axis=0)
-    at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which is as it is expected
+    at_once = float(np.exp(likelihood.student(np.zeros(1)))[0])  # of every rise here, which equals its expectation
 
     def chance(along_m: np.ndarray) -> np.ndarray:
         every = np.full(len(sample), np.nan)

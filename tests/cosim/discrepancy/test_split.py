@@ -18,14 +18,14 @@ def test_no_frame_is_both_fitted_and_held_out(count: int) -> None:
 
 def test_poor_frames_are_held_out_in_proportion() -> None:
     names = [f"{row:06d}" for row in range(16)]
-    poor = names[3::4]  # each of which would be held out by its position alone
+    poor = names[3::4]  # each of which would be held out by its position
     split = split_frames(names, poor)
     assert len(set(split.test) & set(poor)) <= 2
     assert len(split.test) == 4
 
 
 def on_the_way(count: int, waits: range = range(0)) -> dict[str, np.ndarray]:
-    """Places of a sensor that moves half a metre from frame to frame, but for some at which it waits."""
+    """Positions of a sensor that moves half a metre from frame to frame, with some stops."""
     steps = [0.0 if row in waits else 0.5 for row in range(count)]
     return {f"{row:06d}": np.array([x, 0.0, 1.8]) for row, x in enumerate(np.cumsum(steps))}
 

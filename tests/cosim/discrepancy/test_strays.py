@@ -1,4 +1,4 @@
-"""Returns from nowhere: in which sector they crowd, and how sure their law is."""
+"""Spurious returns: sectors with many of them, and uncertainty of their density."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def refused(tmp_path: Path, capsys, town: str = "town01") -> str:
 @pytest.mark.parametrize(
     ("header", "rows", "says"),
     [
-        (HEADER.replace(",y_m", ""), [], "lacks the columns y_m"),
+        (HEADER.replace(",y_m", ""), [], "missing columns y_m"),
         (HEADER, [], "holds no samples"),
         (HEADER, [*GOOD, sample(0.3, "a", "nan")], "speed_mps is nan in line 8"),
         (HEADER, [*GOOD, sample("soon")], "time_s is 'soon' in line 8"),

@@ -123,7 +123,7 @@ def test_the_offset_of_a_light_is_estimated() -> None:
             chosen.append([lane, link.via, link.target])
             begins.append(at - length / 8.0)
     if len(chosen) < 20:
-        pytest.skip("the town has hardly any fixed-time lights")
+        pytest.skip("the town has too few fixed-time lights")
     placed = place(tracks_of(chosen, 0.0, begins), network())
     phases = estimate_phases(placed)
     red = phases.red(placed)

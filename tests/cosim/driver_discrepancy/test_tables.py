@@ -1,4 +1,4 @@
-"""Tables of several origins are read alike; what their ids and order lack is mended and counted."""
+"""Tables of several origins are read in the same way; errors of ids and order are corrected and counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cosim check`: damage found by checksums and mended by recording just those frames again."""
+"""`cosim check`: damage is found by checksums and repaired by recording only those frames again."""
 
 import json
 import shutil

@@ -21,7 +21,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Mishaps:
-    """Leaves a file for each task that was begun, `NAME.PID`, and one for each done, `NAME`."""
+    """Writes a file for each started task, `NAME.PID`, and for each finished one, `NAME`."""
 
     folder: Path
 

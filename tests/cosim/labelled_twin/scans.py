@@ -15,7 +15,7 @@ Ground = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Block:
-    """A box that stands upright: x and y bounds and its top, LiDAR axes."""
+    """An upright box: x and y bounds and its top, LiDAR axes."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -38,7 +38,7 @@ def scan(
         seed: of the range noise.
         error_deg: how much higher the true beams are than those the points are computed with.
         noise_m: standard deviation of range.
-        blocks: what stands on the ground.
+        blocks: boxes on the ground.
         where: whether ground at (x, y) returns anything; everywhere by default.
     """
     azimuth = np.tile(np.linspace(0, 2 * np.pi, FIRINGS, endpoint=False), len(ELEVATION_RAD))

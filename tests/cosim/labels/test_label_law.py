@@ -1,4 +1,4 @@
-"""Edges of labels lose a + b·d: found with its numbers; annotators who merely waver are no bias."""
+"""Edges of labels lose a + b·d: found with its parameters; noisy annotations are not a bias."""
 
 from __future__ import annotations
 

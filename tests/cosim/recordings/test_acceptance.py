@@ -19,7 +19,7 @@ BEAMS = 2000
 
 
 def scores(shift: float = 0.0, scans: int = 8, spread: float = 0.02, seed: int = 0) -> dict:
-    """Range scores of a model whose error differs by `shift` from scan to scan about alike."""
+    """Range scores of a model whose error differs by about `shift` in each scan."""
     rng, own = np.random.default_rng(0), np.random.default_rng(seed)
     found = {}
     for number in range(scans):

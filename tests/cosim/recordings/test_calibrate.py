@@ -1,4 +1,4 @@
-"""From scans alone to what a sensor model lacks."""
+"""Calibration from scans only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expected information of drives: what a path does not vary, it does not tell."""
+"""Expected information of drives: a path gives no information on what it does not vary."""
 
 from __future__ import annotations
 

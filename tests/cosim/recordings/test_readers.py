@@ -176,7 +176,7 @@ def ply(rows: np.ndarray, form: str) -> bytes:
 
 
 def write_bag(folder: Path, kind: str, topics: dict[str, list[np.ndarray]]) -> Path:
-    """A bag whose clouds are 0.1 s apart; one with a word alone if there are none."""
+    """A bag with clouds every 0.1 s; with only a text message if there are none."""
     typesys = pytest.importorskip("rosbags.typesys")
     old = kind == "ros1"
     store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if old else typesys.Stores.ROS2_HUMBLE)

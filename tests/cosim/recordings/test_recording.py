@@ -11,7 +11,7 @@ from cosim.recordings import RecordingError, open_recording
 
 
 def scans(folder: Path, count: int, names: str = "{:06d}.bin") -> Path:
-    """A folder of scans whose first point tells their number."""
+    """A folder of scans whose first point encodes their number."""
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(count):
         rows = np.full((10, 4), 0.5, np.float32)

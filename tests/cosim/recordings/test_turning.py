@@ -15,7 +15,7 @@ UNORDERED = _32.model_copy(update={"elevation_deg": tuple(np.roll(_32.elevation_
 
 
 def under_the_sky(pattern: Pattern, rng: np.random.Generator, count: int = 6) -> tuple[list[Scan], list[np.ndarray]]:
-    """Scans ring by ring whose upper lasers meet things in some stretches of the turn alone, and their lasers."""
+    """Scans ring by ring whose upper lasers have returns only in some sectors, and their lasers."""
     rays, scans, rings = pattern.rays(), [], []
     slot = np.arange(len(rays.ring)) % pattern.firings / pattern.firings
     for number in range(count):

@@ -203,7 +203,7 @@ def test_standing_scans_are_said_to_tell_little(tmp_path: Path) -> None:
     assert find_trajectory(recording, 0.1).standing
     made = write_recording_twin(recording, tmp_path / "twin")
     assert any("seen from one place" in note for note in made.notes)
-    assert made.made.trusted[made.made.ground].mean() < 0.1  # cells that one laser alone has drawn
+    assert made.made.trusted[made.made.ground].mean() < 0.1  # cells with points of a single laser
 
 
 def test_bad_input_is_refused(tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_a_fit_finds_the_motion_in_the_sweep_beside_noise_that_is_fitted_along(t
     on = fit_nuisances(context)
     fitter, fitted = on.fitter, on.fitted
     again = fitter.fit(fitted.effects, (), fitted.estimate)
-    assert again.loglik - fitted.loglik < 5, "surfaces are as bright as is likeliest at once"
+    assert again.loglik - fitted.loglik < 5, "surfaces have their most likely brightness after one fit"
     effects = (*fitted.effects, SweepMotion(sweep_s=0.0))
     free = all_free(effects, range(len(effects)), fitter.rings)
     moving = fitter.fit(effects, free, fitted.estimate)

@@ -1,4 +1,4 @@
-"""A mesh of a user's own is the static world: vehicles stand on it, beams meet it, and what cannot be is refused."""
+"""A user's mesh as the static world: vehicles are on it, beams hit it, and invalid meshes are refused."""
 
 from __future__ import annotations
 

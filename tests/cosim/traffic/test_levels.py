@@ -1,4 +1,4 @@
-"""Road users where streets lie above each other stand on their own level, whatever of it a file states."""
+"""Where streets cross at different levels, road users are on their own level, whatever a file states of it."""
 
 from __future__ import annotations
 

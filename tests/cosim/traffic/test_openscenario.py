@@ -1,4 +1,4 @@
-"""OpenSCENARIO files are replayed as far as they tell trajectories, and refused in one line where they do not."""
+"""Trajectories of OpenSCENARIO files are replayed; other files are refused in one line."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def teleport(position: str) -> str:
 
 
 def scenario(folder: Path, init: dict[str, str], story: dict[str, str], start_s: str = "0", **entities: str) -> Path:
-    """A file of entities, what each does at first, and what each does in an act that begins at a time."""
+    """A file of entities, with initial actions and actions of an act that starts at a time."""
     objects = "".join(f'<ScenarioObject name="{name}">{text}</ScenarioObject>' for name, text in entities.items())
     begins = "".join(f'<Private entityRef="{name}">{text}</Private>' for name, text in init.items())
     groups = "".join(
@@ -73,7 +73,7 @@ def lane(hamlet):
 
 
 def test_entities_are_where_their_trajectories_have_them(hamlet, lane, tmp_path):
-    """A car waits 3 s and then drives at 5 m/s, given by two vertices and a parameter; a walker stands throughout."""
+    """A car waits 3 s and then drives at 5 m/s, given by two vertices and a parameter; a pedestrian does not move."""
     start, way, heading = lane
     vertices = [(0.0, start), (6.0, start + 30 * way)]
     beside = start + 4 * np.array([-way[1], way[0]])

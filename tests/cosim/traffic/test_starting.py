@@ -1,4 +1,4 @@
-"""SUMO's library beside other libraries."""
+"""SUMO's library together with other libraries."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of trajectories: clocks, units, angles and axes are found from independent clues, or asked for."""
+"""Tables of trajectories: clocks, units, angles and axes are inferred with independent checks, or requested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trajectories of files are replayed as they are: where everybody was, how fast, and on which streets."""
+"""Replay of trajectories: positions, speeds and streets of road users."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_the_table_of_the_traffic_loop_is_read(hamlet_config, hamlet, tmp_path):
 
 
 def commonroad(folder: Path) -> Path:
-    """Two lanelets side by side, one car that drives and one that stands."""
+    """Two lanelets side by side, one moving and one stopped car."""
     lanes = ""
     for number, y in ((1, 0.0), (2, 3.5)):
         points = {side: [(x, y + half) for x in range(0, 121, 10)] for side, half in (("left", 1.75), ("right", -1.75))}

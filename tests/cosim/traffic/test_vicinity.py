@@ -1,4 +1,4 @@
-"""Whoever is near the ego vehicle moves as a body does; everybody else is where SUMO has him, and costs little."""
+"""Vehicles near the ego vehicle move as bodies; others are at SUMO's positions, at little cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A headless Chromium that is told what to do over a pair of pipes, in the DevTools protocol."""
+"""A headless Chromium, controlled over a pair of pipes with the DevTools protocol."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Chromium:
 
     Attributes:
         faults: what scripts complained of so far.
-        requests: addresses that pages asked for so far.
+        requests: addresses that pages have requested so far.
     """
 
     def __init__(self, profile: Path, width: int = 1400, height: int = 900) -> None:

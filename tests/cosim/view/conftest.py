@@ -32,7 +32,7 @@ def scan() -> np.ndarray:
 
 @pytest.fixture
 def bare_drive(tmp_path: Path, calibration: Calibration, scan: np.ndarray) -> Path:
-    """Three frames of points and calibration, nothing else."""
+    """Three frames with only points and calibration."""
     root = tmp_path / "drive"
     for part in ("velodyne", "calib"):
         (root / part).mkdir(parents=True)

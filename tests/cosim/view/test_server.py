@@ -1,4 +1,4 @@
-"""The server gives the page and the frames that it knows, to this machine alone, and nothing else."""
+"""The server returns only the page and its frames, and only to this machine."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_cameras_may_be_absent_but_not_asked_for() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("P2:", "Px:", "lacks P2"),
+        ("P2:", "Px:", "missing P2"),
         ("R0_rect: ", "R0_rect: 1.0 ", r"calib:5: R0_rect has 10 numbers; expected 3 × 3"),
         ("Tr_velo_to_cam: ", "Tr_velo_to_cam: x", "is not a number"),
         ("P3:", "P2:", "P2 is there twice"),

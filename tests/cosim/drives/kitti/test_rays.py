@@ -56,7 +56,7 @@ def test_numpys_own_files_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ring": None}, "lacks ring"),
+        ({"ring": None}, "missing ring"),
         ({"azimuth": np.zeros(3)}, "azimuth has 3 entries but the scan 10 points"),
         ({"ring": np.full(10, 300)}, "ring is int64"),
         ({"ring": np.full(10, 300, np.uint16)}, "ring spans 300…300"),

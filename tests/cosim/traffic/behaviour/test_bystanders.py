@@ -1,4 +1,4 @@
-"""People about parked cars: where they are, and that nobody comes near them."""
+"""People near parked cars: their positions, and the distance of traffic."""
 
 from __future__ import annotations
 

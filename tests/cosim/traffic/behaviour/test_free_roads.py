@@ -1,4 +1,4 @@
-"""Many parallel roads, each with one driver and one who stands at its end: what is asked for is what is driven."""
+"""Parallel roads, each with a moving and a stopped vehicle: the configured behaviour is driven."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def roads(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def observe(sumocfg: Path, config: BehaviourConfig) -> tuple[np.ndarray, ...]:
-    """Excess over the limit [km/h], standing gap [m] and place beside the lane's middle [m] of every driver."""
+    """Excess over the limit [km/h], standstill gap [m] and lateral offset from the lane's centre [m] of each driver."""
     fastest: dict[str, float] = {}
     aside: dict[str, float] = {}
     with Traffic(sumocfg, seed=3) as traffic:

@@ -18,7 +18,7 @@ from tests.cosim.inspector import centres
 from tests.cosim.traffic.behaviour.scenario import CAR, write_scenario
 
 REACH_M = 220.0
-PATIENT_S = 45.0  # nobody is let go who has stood for less
+PATIENT_S = 45.0  # minimum waiting time
 CAREFUL = 31
 
 

@@ -1,4 +1,4 @@
-"""How parked vehicles stand."""
+"""Poses of parked vehicles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.cosim.inspector import centres
 
 
 class Kerb:
-    """Who is parked, beside which lane, and how."""
+    """Parked vehicles, their lanes and their poses."""
 
     def __init__(self, config: BehaviourConfig, town: str = "town01") -> None:
         with Traffic(read_town(town).sumocfg, seed=1) as traffic:
@@ -38,7 +38,7 @@ class Kerb:
         return np.degrees((np.array(yaws) + np.pi) % (2 * np.pi) - np.pi)
 
     def corners_left_m(self) -> np.ndarray:
-        """How far the corner nearest to the lane reaches over its edge; negative beside it."""
+        """Distance by which the corner nearest to the lane extends into it; negative outside."""
         over = []
         for row, lane in zip(self.rows, self.lanes, strict=True):
             heading, (length, width) = self.actors.heading_rad[row], self.actors.size[row, :2] / 2

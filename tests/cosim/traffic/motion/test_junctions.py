@@ -21,7 +21,7 @@ QUICK = ("town03", "town05", "town06")  # random, wide grid, ring road
 
 
 def ways_across(net: Path) -> dict[str, np.ndarray]:
-    """Lane → middle line (k, 2) of the lanes in junctions that cars drive on, turning round aside."""
+    """Lane → middle line (k, 2) of the lanes in junctions that cars drive on, except U-turns."""
     root = ET.parse(net).getroot()
     round_about = {link.get("via") for link in root.findall("connection") if link.get("dir") == "t"}
     lanes = [lane for edge in root.findall("edge") if edge.get("function") == "internal" for lane in edge]
