@@ -34,7 +34,7 @@ class Shot:
         frame_time_s: pose time of the frame.
         measured: by name, (n,) measurements of neighbouring beams, if available; see `beside`.
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
-        found: what effects have worked out of these beams, however they are bent; shots of the same beams share it.
+        cache: intermediate results of effects for these beams, for any deflection; shared by shots of the same beams.
         noiseless: returns before the first noise or scan effect; None before these act.
     """
 
@@ -53,7 +53,7 @@ class Shot:
         measured: Mapping[str, np.ndarray] | None = None,
         whole: Shot | None = None,
         rows: np.ndarray | None = None,
-        found: dict[str, Any] | None = None,
+        cache: dict[str, Any] | None = None,
     ) -> None:
         self.pattern = pattern
         self.rays = rays
@@ -66,7 +66,7 @@ class Shot:
         self.whole = whole
         self.rows = rows
         self._kept: dict[str, Any] = {}
-        self._found: dict[str, Any] = {} if found is None else found
+        self._cache: dict[str, Any] = {} if cache is None else cache
 
     def kept(self, name: str, make: Callable[[], _T]) -> _T:
         """What an effect worked out of this revolution before, or makes now; only the latest few are kept."""
@@ -78,9 +78,9 @@ class Shot:
 
     def lasting(self, name: str, make: Callable[[], _T]) -> _T:
         """What an effect worked out before of these beams, however they were bent, or makes now."""
-        if name not in self._found:
-            self._found[name] = make()
-        return self._found[name]
+        if name not in self._cache:
+            self._cache[name] = make()
+        return self._cache[name]
 
     @property
     def hits(self) -> Hits:

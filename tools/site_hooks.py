@@ -47,6 +47,6 @@ def on_post_template(output_content: str, **_: Any) -> str:
     return _FETCHED.sub("", output_content)
 
 
-def _mathml(found: re.Match[str]) -> str:
-    display = "block" if found[2] == "[" else "inline"
-    return convert(html.unescape(found[3]), display=display)
+def _mathml(match: re.Match[str]) -> str:
+    display = "block" if match[2] == "[" else "inline"
+    return convert(html.unescape(match[3]), display=display)

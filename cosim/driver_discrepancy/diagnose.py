@@ -345,14 +345,14 @@ class _Diagnosis:
         return compare_summaries(self._case.measured, look.runs, self._case.notes, _FAMILIES)
 
 
-def find_unexplained(found: TrafficComparison, level: float) -> tuple[Row, ...]:
+def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[Row, ...]:
     """Columns that differ significantly, one of each channel, the clearest first.
 
     A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
     """
-    evidence = found.evidence
+    evidence = comparison.evidence
     at = {(column.channel, column.condition, column.level): row for row, column in enumerate(evidence.columns)}
-    rows = [row for row in (*found.statistics, *found.parts) if row.p_value <= level]
+    rows = [row for row in (*comparison.statistics, *comparison.parts) if row.p_value <= level]
     best: dict[str, tuple[float, Row]] = {}
     for row in rows:
         whole = next((other for other in rows if other.name == row.name and not other.condition), None)

@@ -36,16 +36,16 @@ _CHARTS = {
 _LOWEST_SHOWN = 0.002  # share of a bin at which a chart's axis starts
 
 
-def format_comparison(found: TrafficComparison, measured: str, config: str) -> str:
+def format_comparison(comparison: TrafficComparison, measured: str, config: str) -> str:
     """The HTML text of a comparison.
 
     Args:
-        found: the comparison.
+        comparison: the comparison.
         measured, config: names of data and configuration for display.
     """
     command = f"cosim traffic-diagnose {measured} --config {config}"
-    row = found.worst
-    said = f"The error is <b>{found.error:.3f}</b>; the noise floor is {found.noise_floor:.3f}. "
+    row = comparison.worst
+    said = f"The error is <b>{comparison.error:.3f}</b>; the noise floor is {comparison.noise_floor:.3f}. "
     if row is None:
         said += "No channel differs significantly from the model."
     else:
@@ -55,81 +55,90 @@ def format_comparison(found: TrafficComparison, measured: str, config: str) -> s
         )
     sections = [
         f"<header><h1>{escape(config)} against {escape(measured)}</h1><p class=verdict>{said}</p>"
-        f"<p class=next>To find the missing behaviour: <code>{escape(command)}</code></p>{_facts(found)}</header>",
-        _charts(found.measured, [("model", found.runs)]),
-        draw_diagrams(found.measured, [("model", found.runs)]),
-        _groups(found, None),
-        _statistics(found.statistics, None),
-        _parts(found, None),
-        _notes(found.notes),
+        f"<p class=next>To find the missing behaviour: <code>{escape(command)}</code></p>{_facts(comparison)}</header>",
+        _charts(comparison.measured, [("model", comparison.runs)]),
+        draw_diagrams(comparison.measured, [("model", comparison.runs)]),
+        _groups(comparison, None),
+        _statistics(comparison.statistics, None),
+        _parts(comparison, None),
+        _notes(comparison.notes),
     ]
     return document(f"{config} against {measured}", sections, style=STYLE + _AREAS, generator="cosim traffic-compare")
 
 
-def format_diagnosis(found: TrafficDiagnosis, measured: str, config: str) -> str:
+def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) -> str:
     """The HTML text of a diagnosis.
 
     Args:
-        found: the diagnosis.
+        diagnosis: the diagnosis.
         measured, config: names of data and configuration for display.
     """
     title = f"Behaviours that {config} lacks against {measured}"
-    models = [("model as given", found.before.runs)]
-    models += [("improved", found.after.runs)] if found.effects else []
+    models = [("model as given", diagnosis.before.runs)]
+    models += [("improved", diagnosis.after.runs)] if diagnosis.effects else []
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(found)}{_next(found, measured)}</header>",
-        _falls(found),
-        _findings(found),
-        _groups(found.before, found.after if found.effects else None),
-        _charts(found.before.measured, models),
-        draw_diagrams(found.before.measured, models),
-        _statistics(found.before.statistics, found.after.statistics if found.effects else None),
-        _parts(found.before, found.after if found.effects else None),
-        _ranking(found),
-        _smallest(found),
-        _notes((*found.before.notes, f"{found.simulations} simulations of {found.before.measured.seconds:.0f} s")),
+        f"<header><h1>{escape(title)}</h1>{_verdict(diagnosis)}{_next(diagnosis, measured)}</header>",
+        _falls(diagnosis),
+        _findings(diagnosis),
+        _groups(diagnosis.before, diagnosis.after if diagnosis.effects else None),
+        _charts(diagnosis.before.measured, models),
+        draw_diagrams(diagnosis.before.measured, models),
+        _statistics(diagnosis.before.statistics, diagnosis.after.statistics if diagnosis.effects else None),
+        _parts(diagnosis.before, diagnosis.after if diagnosis.effects else None),
+        _ranking(diagnosis),
+        _smallest(diagnosis),
+        _notes(
+            (
+                *diagnosis.before.notes,
+                f"{diagnosis.simulations} simulations of {diagnosis.before.measured.seconds:.0f} s",
+            )
+        ),
     ]
     return document(title, sections, style=STYLE + _AREAS, generator="cosim traffic-diagnose")
 
 
-def _verdict(found: TrafficDiagnosis) -> str:
-    fall = f"{found.error_before:.3f} to {found.error_after:.3f}; the noise floor is {found.noise_floor:.3f}"
-    if found.effects:
-        names = [f"<b>{escape(one.behaviour)}</b> ({escape(parameter_words(one))})" for one in found.effects]
+def _verdict(diagnosis: TrafficDiagnosis) -> str:
+    fall = (
+        f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; the noise floor is {diagnosis.noise_floor:.3f}"
+    )
+    if diagnosis.effects:
+        names = [f"<b>{escape(one.behaviour)}</b> ({escape(parameter_words(one))})" for one in diagnosis.effects]
         parts = [f'<span class="bad">Missing</span>: {"; ".join(names)}.']
         parts.append(f"With {'it' if len(names) == 1 else 'them'} the error on held-out vehicles goes from {fall}.")
-        for one in found.effects:
+        for one in diagnosis.effects:
             if one.also_possible:
                 others = escape(" or ".join(one.also_possible))
                 parts.append(f'<span class="warn">{one.behaviour} cannot be distinguished from {others}.</span>')
             if one.worse:
                 worse = ", ".join(f"{name.replace('_', ' ')} (+{rise:.3f})" for name, rise in one.worse.items())
                 parts.append(f'<span class="warn">{one.behaviour} makes worse: {escape(worse)}.</span>')
-    elif found.unexplained:
-        words = escape(unexplained_words(found))
+    elif diagnosis.unexplained:
+        words = escape(unexplained_words(diagnosis))
         parts = [f'<span class="warn">Unknown:</span> {words} differ; no behaviour of the catalogue explains it.']
     else:
         parts = ["No missing behaviour is significant."]
-        parts.append(f"The held-out error is {found.error_before:.3f}; the noise floor is {found.noise_floor:.3f}.")
-        parts.append(f"A change would have been detected with 80 % power: {escape(smallest_words(found))}.")
-    if found.effects and found.unexplained:
-        parts.append(f'<span class="warn">Left unexplained:</span> {escape(unexplained_words(found))}.')
+        parts.append(
+            f"The held-out error is {diagnosis.error_before:.3f}; the noise floor is {diagnosis.noise_floor:.3f}."
+        )
+        parts.append(f"A change would have been detected with 80 % power: {escape(smallest_words(diagnosis))}.")
+    if diagnosis.effects and diagnosis.unexplained:
+        parts.append(f'<span class="warn">Left unexplained:</span> {escape(unexplained_words(diagnosis))}.')
     return f'<p class="verdict">{" ".join(parts)}</p>'
 
 
-def _next(found: TrafficDiagnosis, measured: str) -> str:
-    if not found.config_out or not found.effects:
+def _next(diagnosis: TrafficDiagnosis, measured: str) -> str:
+    if not diagnosis.config_out or not diagnosis.effects:
         return ""
-    command = f"cosim traffic-compare {measured} --config {found.config_out}"
+    command = f"cosim traffic-compare {measured} --config {diagnosis.config_out}"
     return (
-        f'<p class="next">The improved configuration is <code>{escape(found.config_out)}</code>; look at it with '
+        f'<p class="next">The improved configuration is <code>{escape(diagnosis.config_out)}</code>; look at it with '
         f"<code>{escape(command)}</code></p>"
     )
 
 
-def _facts(found: TrafficComparison) -> str:
-    items = [("Vehicles", f"{len(found.measured.ids):,}"), ("Seconds", f"{found.measured.seconds:.0f}")]
-    items.append(("Simulations", f"{len(found.runs)}"))
+def _facts(comparison: TrafficComparison) -> str:
+    items = [("Vehicles", f"{len(comparison.measured.ids):,}"), ("Seconds", f"{comparison.measured.seconds:.0f}")]
+    items.append(("Simulations", f"{len(comparison.runs)}"))
     cells = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in items)
     how = (
         "The error is the mean over channels of the continuous ranked probability score of single vehicles, each "
@@ -162,12 +171,12 @@ def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
     )
 
 
-def _falls(found: TrafficDiagnosis) -> str:
-    if not found.effects:
+def _falls(diagnosis: TrafficDiagnosis) -> str:
+    if not diagnosis.effects:
         return ""
-    levels = [found.effects[0].error_before, *(one.error_after for one in found.effects)]
-    names = ["as given", *(f"+ {one.behaviour}" for one in found.effects)]
-    top = 1.25 * max(*levels, found.noise_floor)
+    levels = [diagnosis.effects[0].error_before, *(one.error_after for one in diagnosis.effects)]
+    names = ["as given", *(f"+ {one.behaviour}" for one in diagnosis.effects)]
+    top = 1.25 * max(*levels, diagnosis.noise_floor)
     plot = Plot(
         Axis(-0.5, len(names) - 0.5, names=names),
         Axis(0, top, "error on held-out vehicles"),
@@ -180,8 +189,8 @@ def _falls(found: TrafficDiagnosis) -> str:
         style = "fall" if levels[row] <= levels[row - 1] else "rise"
         plot.band(ends, np.full(2, levels[row]), np.full(2, levels[row - 1]), style)
         plot.line(np.array([row - 1, row + 0.28]), np.full(2, levels[row - 1]), "link")
-    plot.line(np.array([-0.5, len(names) - 0.5]), np.full(2, found.noise_floor), "floor")
-    plot.note(-0.48, found.noise_floor + 0.02 * top, "noise floor", anchor="start")
+    plot.line(np.array([-0.5, len(names) - 0.5]), np.full(2, diagnosis.noise_floor), "floor")
+    plot.note(-0.48, diagnosis.noise_floor + 0.02 * top, "noise floor", anchor="start")
     for row, value in enumerate(levels):
         plot.line(np.array([float(row)]), np.array([value]), "whisker", dots=True)
         plot.note(row + 0.05, value + 0.03 * top, f"{value:.3f}", anchor="start")
@@ -192,10 +201,10 @@ def _falls(found: TrafficDiagnosis) -> str:
     )
 
 
-def _findings(found: TrafficDiagnosis) -> str:
-    if not found.effects:
+def _findings(diagnosis: TrafficDiagnosis) -> str:
+    if not diagnosis.effects:
         return ""
-    rows = "".join(_finding(one) for one in found.effects)
+    rows = "".join(_finding(one) for one in diagnosis.effects)
     return (
         "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>is</th>"
         "<th>95 % interval</th><th>p</th><th>error</th><th>fall, 95 % interval</th><th class=words>equation</th>"
@@ -330,19 +339,19 @@ def _value(row: Row, value: float) -> str:
     return f"{value:.3g}{f' {row.unit}' if row.unit else ''}"
 
 
-def _ranking(found: TrafficDiagnosis) -> str:
+def _ranking(diagnosis: TrafficDiagnosis) -> str:
     return ranking_section(
-        [(one.behaviour, one.delta_bic, one.p_value) for one in found.ranking],
-        ["fitted" if one.fitted else "from its slopes" for one in found.ranking],
+        [(one.behaviour, one.delta_bic, one.p_value) for one in diagnosis.ranking],
+        ["fitted" if one.fitted else "from its slopes" for one in diagnosis.ranking],
     )
 
 
-def _smallest(found: TrafficDiagnosis) -> str:
-    if not found.smallest_detectable:
+def _smallest(diagnosis: TrafficDiagnosis) -> str:
+    if not diagnosis.smallest_detectable:
         return ""
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(knob)}</td><td>± {escape(quantity(name, knob, value))}</td></tr>"
-        for name, values in found.smallest_detectable.items()
+        for name, values in diagnosis.smallest_detectable.items()
         for knob, value in values.items()
     )
     return (

@@ -9,18 +9,19 @@ from cosim.report.phrases import as_sure, p_words
 _NEEDED = ("speeding", "short_gap", "lane_offset")
 
 
-def headline(found: TrafficDiagnosis) -> str:
+def headline(diagnosis: TrafficDiagnosis) -> str:
     """The line that `cosim traffic-diagnose` says."""
-    if not found.effects:
-        smallest = smallest_words(found)
-        left = unexplained_words(found)
+    if not diagnosis.effects:
+        smallest = smallest_words(diagnosis)
+        left = unexplained_words(diagnosis)
         if left:
             return f"unknown: {left}; no behaviour of the catalogue explains it"
-        return _nothing(found) + (f"; would have been detected: {smallest}" if smallest else "")
-    parts = [finding_words(one) for one in found.effects]
-    parts[0] = f"{found.verdict}: {parts[0]}"
-    fall = f"held-out error {found.error_before:.3f} → {found.error_after:.3f}, noise floor {found.noise_floor:.3f}"
-    left = unexplained_words(found)
+        return _nothing(diagnosis) + (f"; would have been detected: {smallest}" if smallest else "")
+    parts = [finding_words(one) for one in diagnosis.effects]
+    parts[0] = f"{diagnosis.verdict}: {parts[0]}"
+    before, after = diagnosis.error_before, diagnosis.error_after
+    fall = f"held-out error {before:.3f} → {after:.3f}, noise floor {diagnosis.noise_floor:.3f}"
+    left = unexplained_words(diagnosis)
     return "; ".join([*parts, *([f"left unexplained: {left}"] if left else []), fall])
 
 
@@ -62,25 +63,25 @@ def _unit(behaviour: str, name: str) -> str:
     return f" {unit}" if unit else ""
 
 
-def smallest_words(found: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
+def smallest_words(diagnosis: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
     """Changes that would have been seen, of the first parameter of some behaviours."""
     said = []
     for name in names:
-        values = found.smallest_detectable.get(name, {})
+        values = diagnosis.smallest_detectable.get(name, {})
         first = next(iter(values), None)
         if first is not None:
             said.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
     return ", ".join(said)
 
 
-def unexplained_words(found: TrafficDiagnosis) -> str:
+def unexplained_words(diagnosis: TrafficDiagnosis) -> str:
     """Columns that still differ."""
-    return ", ".join(row.place for row in found.unexplained)
+    return ", ".join(row.place for row in diagnosis.unexplained)
 
 
-def _nothing(found: TrafficDiagnosis) -> str:
+def _nothing(diagnosis: TrafficDiagnosis) -> str:
     """The line for no finding: error and floor belong to it."""
     return (
-        f"no missing behaviour is significant; held-out error {found.error_before:.3f}, "
-        f"noise floor {found.noise_floor:.3f}"
+        f"no missing behaviour is significant; held-out error {diagnosis.error_before:.3f}, "
+        f"noise floor {diagnosis.noise_floor:.3f}"
     )

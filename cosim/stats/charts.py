@@ -239,8 +239,8 @@ def _occluded(cars: ObjectTable, level: int) -> np.ndarray:
     return cars.visible if level == 0 else cars.occluded == level
 
 
-def _headings(found: Collected) -> np.ndarray:
-    return (np.degrees(found.focus.yaw) + 90) % 360 - 90
+def _headings(collected: Collected) -> np.ndarray:
+    return (np.degrees(collected.focus.yaw) + 90) % 360 - 90
 
 
 def _values(

@@ -117,12 +117,12 @@ def _project(axes: list[Sample], scales: list[float], angle: float) -> Sample:
 def _cars(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[Sample]]:
     """A sample of a value a car; `column` gives (cars,) or (cars, axes)."""
 
-    def of(found: Collected) -> list[Sample]:
-        values = np.asarray(column(found), np.float64)
+    def of(collected: Collected) -> list[Sample]:
+        values = np.asarray(column(collected), np.float64)
         table = values[None] if values.ndim == 1 else values.T
-        rows, labelled = np.cumsum(found.labelled) - 1, int(found.labelled.sum())
+        rows, labelled = np.cumsum(collected.labelled) - 1, int(collected.labelled.sum())
         keep = np.isfinite(table).all(0)
-        frame = rows[found.focus.frame] if len(found.focus) else np.zeros(0, np.int64)
+        frame = rows[collected.focus.frame] if len(collected.focus) else np.zeros(0, np.int64)
         return [Sample.of(frame[keep], axis[keep], labelled) for axis in table]
 
     return of
@@ -131,27 +131,27 @@ def _cars(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], li
 def _frames(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[Sample]]:
     """A sample of a value a frame."""
 
-    def of(found: Collected) -> list[Sample]:
-        values = column(found)
+    def of(collected: Collected) -> list[Sample]:
+        values = column(collected)
         return [Sample.of(np.arange(len(values)), values, len(values))]
 
     return of
 
 
 def _histograms(column: Callable[[Collected], np.ndarray], values: np.ndarray) -> Callable[[Collected], list[Sample]]:
-    def of(found: Collected) -> list[Sample]:
-        return [Sample.of_histograms(column(found)[found.scanned], values)]
+    def of(collected: Collected) -> list[Sample]:
+        return [Sample.of_histograms(column(collected)[collected.scanned], values)]
 
     return of
 
 
-def _log_points(found: Collected) -> np.ndarray:
-    points = found.focus.points.astype(float)
+def _log_points(collected: Collected) -> np.ndarray:
+    points = collected.focus.points.astype(float)
     return np.log10(np.where(points > 0, points, np.nan))
 
 
-def _zero_share(found: Collected) -> np.ndarray:
-    counts = found.scans.intensity[found.scanned]
+def _zero_share(collected: Collected) -> np.ndarray:
+    counts = collected.scans.intensity[collected.scanned]
     return counts[:, 0] / np.maximum(counts.sum(1), 1)
 
 

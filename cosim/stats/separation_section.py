@@ -30,31 +30,31 @@ h3.a { color: var(--a); } h3.b { color: var(--b); }
 """
 
 
-def separation_section(found: TwoSample | str | None) -> str:
+def separation_section(test: TwoSample | str | None) -> str:
     """HTML of the test, or of the reason why there is none; empty if no test was requested."""
     title = "Can the two sets be distinguished?"
-    if found is None:
+    if test is None:
         return ""
-    if isinstance(found, str):
-        return section(title, f"<p>No two-sample test: {escape(found)}.</p>")
-    a, b = (escape(name) for name in found.information["titles"])
-    grid, units = found.information["grid"], found.information["units"]
+    if isinstance(test, str):
+        return section(title, f"<p>No two-sample test: {escape(test)}.</p>")
+    a, b = (escape(name) for name in test.information["titles"])
+    grid, units = test.information["grid"], test.information["units"]
     rows = "lasers" if grid["rows_are_lasers"] else "bins of elevation"
     text = (
         f"Boosted trees name the set of patches of {grid['patch'][0]} {rows} × {grid['patch'][1]} columns of "
         f"{grid['step_deg']:.2f}° within {grid['sector_deg']:.0f}° about the forward direction, from 25 simple "
         f"figures, and are judged on units that took no part in their training ({units[0]} and {units[1]}, unit: "
-        f"{escape(str(found.information['unit']))}). AUC 0.5: they cannot; 1: always. Baseline: the first half of {b} "
+        f"{escape(str(test.information['unit']))}). AUC 0.5: they cannot; 1: always. Baseline: the first half of {b} "
         "against its second. The interval counts whole units and leaves the trees as they are."
     )
     return section(
         title,
-        _channels(found.channels),
-        _regions(found),
-        f"<h3>Single features that distinguish them</h3>{_figures(found.figures, a, b)}",
+        _channels(test.channels),
+        _regions(test),
+        f"<h3>Single features that distinguish them</h3>{_figures(test.figures, a, b)}",
         *(
             f'<h3 class="{style}">Most telling patches of {name}</h3>{_patches(patches)}'
-            for style, name, patches in zip("ab", (a, b), found.telling, strict=True)
+            for style, name, patches in zip("ab", (a, b), test.telling, strict=True)
         ),
         text=text,
         anchor="separation",
@@ -91,8 +91,8 @@ def _bar(item: ChannelResult) -> str:
     )
 
 
-def _regions(found: TwoSample) -> str:
-    channels = [item.channel for item in found.channels]
+def _regions(test: TwoSample) -> str:
+    channels = [item.channel for item in test.channels]
     rows = [
         (
             escape(item.title),
@@ -100,7 +100,7 @@ def _regions(found: TwoSample) -> str:
             f"{item.patches[1]:,}",
             *(f"{item.auc[channel]:.3f}" for channel in channels),
         )
-        for item in found.regions
+        for item in test.regions
     ]
     heads = ("where 30 % or more of a patch is", "patches", "of the reference", *(f"AUC, {name}" for name in channels))
     return f"<h3>Where</h3>{table(heads, rows)}" if rows else ""

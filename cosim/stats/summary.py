@@ -16,17 +16,17 @@ _FEW_POINTS = 5
 _HEADING_EDGES_DEG = np.arange(-180, 181, 15)
 
 
-def summarise(found: Collected) -> dict[str, Any]:
+def summarise(collected: Collected) -> dict[str, Any]:
     """Every figure of a set; parts that are absent are null."""
-    labelled = bool(found.labelled.any())
+    labelled = bool(collected.labelled.any())
     return {
-        "name": found.title,
-        "kind": found.kind,
-        "path": found.path,
-        "frames": len(found.frames),
-        "absent": list(found.notes),
-        "labels": _labels(found) if labelled else None,
-        "points": _points(found) if found.scanned.any() else None,
+        "name": collected.title,
+        "kind": collected.kind,
+        "path": collected.path,
+        "frames": len(collected.frames),
+        "absent": list(collected.notes),
+        "labels": _labels(collected) if labelled else None,
+        "points": _points(collected) if collected.scanned.any() else None,
     }
 
 
@@ -84,21 +84,22 @@ def zero_share(counts: np.ndarray) -> float:
     return float(counts[0] / counts.sum()) if counts.sum() else float("nan")
 
 
-def _labels(found: Collected) -> dict[str, Any]:
-    objects, names = found.objects, sorted(set(found.objects.type.tolist()))
-    cars = found.focus
+def _labels(collected: Collected) -> dict[str, Any]:
+    objects, names = collected.objects, sorted(set(collected.objects.type.tolist()))
+    cars = collected.focus
     return {
-        "frames": int(found.labelled.sum()),
+        "frames": int(collected.labelled.sum()),
         "objects": len(objects),
-        "classes": dict(found.classes.most_common()),
+        "classes": dict(collected.classes.most_common()),
         "by_class": {name: _class(objects.of_type(name)) for name in names},
-        "cars_per_frame": describe(found.focus_per_frame) | {"histogram": np.bincount(found.focus_per_frame).tolist()},
+        "cars_per_frame": describe(collected.focus_per_frame)
+        | {"histogram": np.bincount(collected.focus_per_frame).tolist()},
         "points_per_car": {
             "all": points_per_car(cars),
             "visible": points_per_car(cars[cars.visible]),
             **{f"occluded_{level}": points_per_car(cars[cars.occluded == int(level)]) for level in ("1", "2")},
         }
-        if found.scanned.any()
+        if collected.scanned.any()
         else None,
     }
 
@@ -126,8 +127,8 @@ def _class(objects: ObjectTable) -> dict[str, Any]:
     }
 
 
-def _points(found: Collected) -> dict[str, Any]:
-    scans, rows = found.scans, found.scanned
+def _points(collected: Collected) -> dict[str, Any]:
+    scans, rows = collected.scans, collected.scanned
     everything, cars = scans.intensity.sum(0), scans.car_intensity.sum(0)
     told = rows & (scans.rings > 0)
     reached = scans.reach_count > 0

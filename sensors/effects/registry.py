@@ -101,22 +101,22 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
     return found
 
 
-def _checked(found: object, origin: str) -> type[Effect]:
+def _checked(result: object, origin: str) -> type[Effect]:
     """The class, if it keeps the rules of effects."""
-    base = next((stage for stage in _STAGES if isinstance(found, type) and issubclass(found, stage)), None)
-    if base is None or not isinstance(found, type) or not issubclass(found, Effect):
+    base = next((stage for stage in _STAGES if isinstance(result, type) and issubclass(result, stage)), None)
+    if base is None or not isinstance(result, type) or not issubclass(result, Effect):
         names = ", ".join(stage.__name__ for stage in _STAGES)
         raise SensorError(f"effect {origin}: is no sensor effect; derive the class from one of {names}")
-    if found.stage != base.stage:
+    if result.stage != base.stage:
         raise SensorError(
-            f"effect {origin}: stage {found.stage!r} but derived from {base.__name__}; "
+            f"effect {origin}: stage {result.stage!r} but derived from {base.__name__}; "
             f"leave out `stage` or derive it from the class of that stage"
         )
-    if not isinstance(getattr(found, "name", None), str) or not hasattr(found, "channel"):
+    if not isinstance(getattr(result, "name", None), str) or not hasattr(result, "channel"):
         raise SensorError(f"effect {origin}: `name` or `channel` is missing; write `name: ClassVar = ...` in the class")
-    if found.apply is base.apply:  # type: ignore[attr-defined]
+    if result.apply is base.apply:  # type: ignore[attr-defined]
         raise SensorError(f"effect {origin}: has no `apply`; define it as {base.__name__} says")
-    return found
+    return result
 
 
 def _told(error: BaseException) -> str:

@@ -145,9 +145,9 @@ def _histogram(group: str, ours: np.ndarray, real: np.ndarray) -> Iterator[Row |
     yield Gap(group, "1-Wasserstein distance", float(np.abs(shares[0] - shares[1]).sum() * (INTENSITIES[1])))
 
 
-def _group(group: str, name: str, found: list[Row], *, logarithmic: bool = True) -> Iterator[Row | Gap]:
-    yield from found
-    ours, real = (np.array([getattr(row, side) for row in found]) for side in ("ours", "real"))
+def _group(group: str, name: str, result: list[Row], *, logarithmic: bool = True) -> Iterator[Row | Gap]:
+    yield from result
+    ours, real = (np.array([getattr(row, side) for row in result]) for side in ("ours", "real"))
     apart = np.abs(ours - real)[np.isfinite(ours - real)]
     value = _log_distance(ours, real) if logarithmic else float(apart.mean()) if len(apart) else float("nan")
     yield Gap(group, name, value)
@@ -188,12 +188,12 @@ def _share(part: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
     return float(ratio), float(error)
 
 
-def _table(title: str, found: list[Row | Gap]) -> Table:
+def _table(title: str, result: list[Row | Gap]) -> Table:
     table = Table(title=title)
     for column in ("quantity", "ours", "±", "real", "±", "ratio", "±", f"within {TOLERANCE:.0%}"):
         table.add_column(column, justify="left" if column == "quantity" else "right")
     group = ""
-    for item in found:
+    for item in result:
         if item.group != group:
             group = item.group
             table.add_section()
@@ -254,7 +254,7 @@ def _report(options: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
     return result
 
 
-def _told(found: list[Row | Gap]) -> list[dict[str, Any]]:
+def _told(result: list[Row | Gap]) -> list[dict[str, Any]]:
     return [
         {"group": item.group, "name": item.name}
         | (
@@ -262,7 +262,7 @@ def _told(found: list[Row | Gap]) -> list[dict[str, Any]]:
             if isinstance(item, Gap)
             else {"ours": item.ours, "real": item.real, "ratio_error": item.ratio_error, "within": item.verdict}
         )
-        for item in found
+        for item in result
     ]
 
 

@@ -27,20 +27,20 @@ _GROUPS = {
 _SHOWN = ("scan", "points a visible car", *list(_GROUPS)[1:], "intensity of all", "intensity on cars")
 
 
-def distances(found: Sequence[Row | Gap]) -> dict[str, float]:
+def distances(result: Sequence[Row | Gap]) -> dict[str, float]:
     """Mean |ln(simulated/real)| of each known group, limited to a factor of ten.
 
     A quantity that is zero on one side only counts as that factor.
     """
     by_group = {
-        name: [_apart(item) for item in found if isinstance(item, Row) and item.group == name] for name in _GROUPS
+        name: [_apart(item) for item in result if isinstance(item, Row) and item.group == name] for name in _GROUPS
     }
     return {name: float(np.nanmean(values)) for name, values in by_group.items() if np.isfinite(values).any()}
 
 
-def distance(found: Sequence[Row | Gap]) -> float:
+def distance(result: Sequence[Row | Gap]) -> float:
     """Mean over the groups: 0 is equal, 0.1 means that a typical figure differs by a tenth."""
-    return float(np.mean(list(distances(found).values())))
+    return float(np.mean(list(distances(result).values())))
 
 
 def side_by_side(
@@ -68,16 +68,16 @@ def side_by_side(
     return _table(found, f"{folder} beside {measured.root}"), found
 
 
-def _table(found: Mapping[str, list[Row | Gap]], title: str) -> Table:
-    far = {name: distance(items) for name, items in found.items()}
+def _table(rows_by_set: Mapping[str, list[Row | Gap]], title: str) -> Table:
+    far = {name: distance(items) for name, items in rows_by_set.items()}
     nearest = min((name for name in far if name != "other real"), key=far.__getitem__)
     result = Table(title=title, caption=f"nearest to the real scans: {nearest}")
-    for name in ("quantity", "real", *found):
+    for name in ("quantity", "real", *rows_by_set):
         result.add_column(name, justify="left" if name == "quantity" else "right", no_wrap=True)
     for group in _SHOWN:
         result.add_section()
         result.add_row(f"[bold]{group}")
-        lines = [[i for i in items if isinstance(i, Row) and i.group == group] for items in found.values()]
+        lines = [[i for i in items if isinstance(i, Row) and i.group == group] for items in rows_by_set.values()]
         for line in zip(*lines, strict=True):
             result.add_row(
                 f"  {line[0].name.split(' (')[0]}", _text(line[0].real), *(_text(item.ours) for item in line)
@@ -85,9 +85,9 @@ def _table(found: Mapping[str, list[Row | Gap]], title: str) -> Table:
     result.add_section()
     result.add_row("[bold]distance: mean |ln(ours/real)|, at most ln 10")
     for group, words in _GROUPS.items():
-        values = (distances(items).get(group, float("nan")) for items in found.values())
+        values = (distances(items).get(group, float("nan")) for items in rows_by_set.values())
         result.add_row(f"  {words}", "", *(_text(value) for value in values))
-    partial = {name for name, items in found.items() if len(distances(items)) < len(_GROUPS)}
+    partial = {name for name, items in rows_by_set.items() if len(distances(items)) < len(_GROUPS)}
     marks = (f"[bold]{value:.2f}{'*' if name in partial else ''}" for name, value in far.items())
     result.add_row("[bold]  mean of these (* of known ones)", "", *marks)
     return result

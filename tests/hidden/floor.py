@@ -141,14 +141,14 @@ def _scores(ensemble: list[_Told], data: _Told, clear: np.ndarray) -> dict[str, 
     return scores
 
 
-def _crps(members: np.ndarray, found: np.ndarray, limit: float) -> np.ndarray:
+def _crps(members: np.ndarray, result: np.ndarray, limit: float) -> np.ndarray:
     middle = np.median(members, axis=0)
-    members, found = np.clip(members - middle, -limit, limit), np.clip(found - middle, -limit, limit)
+    members, result = np.clip(members - middle, -limit, limit), np.clip(result - middle, -limit, limit)
     m = len(members)
     ranked = np.sort(members, axis=0)
     weight = (2 * np.arange(1, m + 1) - m - 1)[:, None]
     spread = (weight * ranked).sum(0) * 2  # Σ |x − x'| over ordered pairs
-    return np.abs(members - found).mean(0) - spread / (2 * m * (m - 1))
+    return np.abs(members - result).mean(0) - spread / (2 * m * (m - 1))
 
 
 def _spurious(told: _Told, surface: Scan) -> float:

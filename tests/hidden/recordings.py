@@ -199,15 +199,15 @@ def line(case: Case, answer: Answer) -> str:
     return "  ".join([*words, f"shapes {answer.shapes}" if answer.shapes else "", f"left {len(answer.unexplained)}"])
 
 
-def _beside(true: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+def _beside(true: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     said = []
     for name, value in true.items():
-        told = found["params"].get(name)
+        told = result["params"].get(name)
         if isinstance(value, list):
             away = np.subtract(told, value)
             said.append(f"{name} sd of error {np.std(away):.3g} of {np.std(value):.3g}")
         elif isinstance(value, float | int) and told is not None:
-            interval = found["ci95"].get(name) or ["", ""]
+            interval = result["ci95"].get(name) or ["", ""]
             said.append(f"{name} {told:.4g} {interval} true {value:.4g}")
     return "; ".join(said)
 

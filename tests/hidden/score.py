@@ -182,10 +182,10 @@ def curve_r2(finding: Finding, unknown: Mapping[str, Any]) -> float | None:
     return r_squared(expected, y[inside] - y[inside].mean() + expected.mean())
 
 
-def r_squared(true: np.ndarray, found: np.ndarray) -> float:
+def r_squared(true: np.ndarray, result: np.ndarray) -> float:
     """1 − squares left / squares about the mean."""
     about = float(((true - true.mean()) ** 2).sum())
-    return 1 - float(((true - found) ** 2).sum()) / about if about else 0.0
+    return 1 - float(((true - result) ** 2).sum()) / about if about else 0.0
 
 
 def _parameters(hidden: Mapping[str, Mapping], effects: list[dict]) -> dict[str, Any]:

@@ -40,9 +40,9 @@ def scenario(folder: Path, vehicle: str, lines: str = "ANY") -> Scenario:
     return read_scenario(folder / "s.sumocfg")
 
 
-def carried(found: Scenario, folder: Path, seconds: int = 600) -> set[str]:
+def carried(result: Scenario, folder: Path, seconds: int = 600) -> set[str]:
     """Persons who ride within some time."""
-    with Traffic(found.write(folder), 1, 0.5, as_given=True) as traffic:
+    with Traffic(result.write(folder), 1, 0.5, as_given=True) as traffic:
         riders: set[str] = set()
         for _ in range(2 * seconds):
             traffic.step()

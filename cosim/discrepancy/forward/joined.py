@@ -129,7 +129,7 @@ class _JoinedShot(Shot):
         traced: Traced | None = None,
     ) -> None:
         self.pattern, self.rays, self.traced, self.measured = frames[0].pattern, rays, traced, measured
-        self._kept, self._found, self._frames = {}, {}, frames
+        self._kept, self._cache, self._frames = {}, {}, frames
 
     def named(self, what: str, returns: Returns) -> np.ndarray:
         """Names of the instances that gave the returns, see `Shot.named`."""

@@ -273,7 +273,7 @@ class FrameReplay(Replayed):
         self.paint, self.table = hits.paint, hits.table
         self.measured = measured
         self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)
-        self._found: dict[str, Any] = {}
+        self._cache: dict[str, Any] = {}
 
     @property
     def instances(self) -> Instances:
@@ -321,7 +321,7 @@ class FrameReplay(Replayed):
             measured=self.measured,
             whole=self._shot,
             rows=self._rows,
-            found=self._found,
+            cache=self._cache,
         )
 
 

@@ -64,13 +64,13 @@ class Acceptance:
         return asdict(self)
 
 
-def step_transfers(found: Diagnosis) -> list[Transfer]:
+def step_transfers(diagnosis: Diagnosis) -> list[Transfer]:
     """What each finding of a round does to untouched scans on the round's own map.
 
     A finding that moves points stays in any case: what it does shows in the next map, see `accept`.
     """
     transfers = []
-    for one in found.changes:
+    for one in diagnosis.changes:
         low, high = one.mean - one.half_interval, one.mean + one.half_interval
         known = bool(np.isfinite(one.half_interval))
         falls = known and high < 0

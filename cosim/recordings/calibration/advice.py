@@ -57,24 +57,24 @@ class Advice:
 
 
 def undetermined(
-    smallest: Mapping[str, Mapping[str, float | None]], found: Mapping[str, Mapping[str, Any]]
+    smallest: Mapping[str, Mapping[str, float | None]], result: Mapping[str, Mapping[str, Any]]
 ) -> dict[tuple[str, str], float | None]:
     """Parameters that a recording leaves undetermined: effect and name, with half width or smallest detectable value.
 
     Args:
         smallest: smallest detectable amplitudes; None where they exceed the allowed range.
-        found: by effect `params` and `ci95` of what was found.
+        result: by effect `params` and `ci95` of what was found.
     """
     kinds, rows = effect_classes(), dict[tuple[str, str], float | None]()
     for name, values in smallest.items():
         kind = kinds.get(name)
         for parameter, value in values.items():
-            if kind is None or name in found or np.ndim(kind.example[parameter]):
+            if kind is None or name in result or np.ndim(kind.example[parameter]):
                 continue
             usual = abs(kind.example[parameter] - (kind.neutral or {}).get(parameter, 0.0))
             if value is None or value > usual:
                 rows[name, parameter] = value
-    for name, told in found.items():
+    for name, told in result.items():
         kind = kinds.get(name)
         for parameter, interval in told["ci95"].items():
             value = told["params"].get(parameter)

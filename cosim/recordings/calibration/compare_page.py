@@ -17,36 +17,37 @@ _MOST_ROWS = 40
 _AGREE = 0.05
 
 
-def headline(found: Drives) -> str:
+def headline(drives: Drives) -> str:
     """The outcome in a sentence or two, plain text."""
-    differing = [one for one in found.differences if one.is_significant]
+    differing = [one for one in drives.differences if one.is_significant]
     names = list(dict.fromkeys(f"{one.effect} {one.parameter}" for one in differing))
-    count = len(found.names)
-    if not found.differences:
+    count = len(drives.names)
+    if not drives.differences:
         said = f"{count} drives share no parameter that could be compared."
     elif differing:
         shown = ", ".join(names[:4]) + (" and others" if len(names) > 4 else "")
-        said = f"{len(differing)} of {len(found.differences)} numbers differ significantly between drives: {shown}."
+        said = f"{len(differing)} of {len(drives.differences)} numbers differ significantly between drives: {shown}."
     else:
-        said = f"None of {len(found.differences)} numbers differs significantly between {count} drives."
-    if found.is_recommended:
+        said = f"None of {len(drives.differences)} numbers differs significantly between {count} drives."
+    if drives.is_recommended:
         return f"{said} All drives confirm the combined file on untouched scans: it is recommended."
     kept = [
-        name for name, one in zip(found.names, found.calibrations, strict=True) if not one.acceptance.is_recommended
+        name for name, one in zip(drives.names, drives.calibrations, strict=True) if not one.acceptance.is_recommended
     ]
     return f"{said} Keep your file: untouched scans of {', '.join(kept)} do not confirm it."
 
 
-def format_comparison(found: Drives) -> str:
+def format_comparison(drives: Drives) -> str:
     """The HTML text."""
-    title = "Comparison of " + ", ".join(found.names)
+    title = "Comparison of " + ", ".join(drives.names)
     return document(
         title,
         [
-            f"<header><h1>{escape(title)}</h1><p class='verdict'>{escape(headline(found))}</p>{_facts(found)}</header>",
-            section("What differs", _differences(found), text=_TEXT),
-            section("Together", _charts(found), _combined(found), text=_TOGETHER),
-            section("Drive by drive", _drives(found)),
+            f"<header><h1>{escape(title)}</h1><p class='verdict'>{escape(headline(drives))}</p>"
+            f"{_facts(drives)}</header>",
+            section("What differs", _differences(drives), text=_TEXT),
+            section("Together", _charts(drives), _combined(drives), text=_TOGETHER),
+            section("Drive by drive", _drives(drives)),
         ],
         generator="cosim calibrate",
     )
@@ -62,15 +63,15 @@ _TOGETHER = (
 )
 
 
-def _facts(found: Drives) -> str:
-    items = [("Drives", f"{len(found.names)}"), ("Numbers compared", f"{len(found.differences)}")]
-    for name, one in zip(found.names[1:], found.directions, strict=True):
+def _facts(drives: Drives) -> str:
+    items = [("Drives", f"{len(drives.names)}"), ("Numbers compared", f"{len(drives.differences)}")]
+    for name, one in zip(drives.names[1:], drives.directions, strict=True):
         if one is not None:
             items.append((f"Ray direction, {name}", f"{one.mean_deg:.4f}° mean, {one.max_deg:.4f}° largest"))
     return facts([(escape(name), value) for name, value in items])
 
 
-def _differences(found: Drives) -> str:
+def _differences(drives: Drives) -> str:
     rows = [
         [
             escape(_named(one.effect, one.parameter, one.row)),
@@ -79,18 +80,18 @@ def _differences(found: Drives) -> str:
             p_cell(one.p_value),
             "differs" if one.is_significant else "",
         ]
-        for one in found.differences[:_MOST_ROWS]
+        for one in drives.differences[:_MOST_ROWS]
     ]
     if not rows:
         return "<p>No parameter was estimated in two drives.</p>"
-    rest = len(found.differences) - len(rows)
+    rest = len(drives.differences) - len(rows)
     more = f"<p>{rest} more differ less.</p>" if rest > 0 else ""
     return table(["parameter", "drives", "difference", "p", ""], rows, words=(0, 1, 2, 4)) + more
 
 
-def _combined(found: Drives) -> str:
+def _combined(drives: Drives) -> str:
     rows = []
-    for one in found.combined:
+    for one in drives.combined:
         if one.effect == "pattern" or one.row is not None:
             continue
         by_drive = [
@@ -102,22 +103,22 @@ def _combined(found: Drives) -> str:
         rows.append([escape(_named(one.effect, one.parameter, None)), *by_drive, together, agree])
     if not rows:
         return "<p>No plain number was estimated; lists with a number a laser are in the sensor file.</p>"
-    heads = ["parameter", *map(escape, found.names), "together", "p of agreement"]
+    heads = ["parameter", *map(escape, drives.names), "together", "p of agreement"]
     return table(heads, rows, words=range(len(heads) - 1))
 
 
-def _charts(found: Drives) -> str:
-    plain = [one for one in found.combined if one.row is None and sum(value is not None for value in one.values) > 1]
-    return f'<div class="charts">{"".join(_chart(found, one) for one in plain[:6])}</div>'
+def _charts(drives: Drives) -> str:
+    plain = [one for one in drives.combined if one.row is None and sum(value is not None for value in one.values) > 1]
+    return f'<div class="charts">{"".join(_chart(drives, one) for one in plain[:6])}</div>'
 
 
-def _chart(found: Drives, one: Combined) -> str:
+def _chart(drives: Drives, one: Combined) -> str:
     ends = np.array([value for value in (*one.low, *one.high, one.mean_low, one.mean_high) if value is not None])
     pad = 0.1 * float(np.ptp(ends)) or 0.1 * abs(float(ends[0])) or 1.0
-    names = ["", *found.names]
+    names = ["", *drives.names]
     unit = _unit(one.effect, one.parameter).strip()
     plot = Plot(
-        Axis(0.5, len(found.names) + 0.5, "", names=names),
+        Axis(0.5, len(drives.names) + 0.5, "", names=names),
         Axis(float(ends.min()) - pad, float(ends.max()) + pad, f"{one.parameter} [{unit}]" if unit else one.parameter),
         one.effect,
     )
@@ -125,13 +126,13 @@ def _chart(found: Drives, one: Combined) -> str:
         if value is not None:
             plot.line(np.array([place, place], float), np.array([low, high], float), "a")
             plot.line(np.array([place], float), np.array([value], float), "a", dots=True)
-    both = np.array([0.5, len(found.names) + 0.5])
+    both = np.array([0.5, len(drives.names) + 0.5])
     plot.line(both, np.full(2, one.mean), "b")
     text = "each drive with its 95 % interval (yellow), mean of all (blue)"
     return figure(escape(_named(one.effect, one.parameter, None)), text, plot.svg())
 
 
-def _drives(found: Drives) -> str:
+def _drives(drives: Drives) -> str:
     rows = [
         [
             f'<a href="{escape(name)}/index.html">{escape(name)}</a>',
@@ -139,7 +140,7 @@ def _drives(found: Drives) -> str:
             escape(one.acceptance.reason),
             f"{1000 * one.rounds[0].thickness_ground_m:.1f} → {1000 * one.rounds[-1].thickness_ground_m:.1f}",
         ]
-        for name, one in zip(found.names, found.calibrations, strict=True)
+        for name, one in zip(drives.names, drives.calibrations, strict=True)
     ]
     return table(["drive", "recommended", "because", "ground [mm]"], rows, words=(0, 1, 2, 3))
 

@@ -130,8 +130,8 @@ def calibrate_drives(
     return result
 
 
-def _plain(found: Drives) -> dict[str, Any]:
-    told = found.as_json()
+def _plain(drives: Drives) -> dict[str, Any]:
+    told = drives.as_json()
     return {name: told[name] for name in ("recommended", "combined", "differences", "directions")}
 
 
@@ -153,11 +153,11 @@ def _cones(one: Calibration) -> dict[tuple[str, str], tuple[Any, Any]]:
 
 
 def _combined_sensor(
-    found: Sequence[Calibration], models: Sequence[SensorModel], combined: Sequence[Combined]
+    calibration: Sequence[Calibration], models: Sequence[SensorModel], combined: Sequence[Combined]
 ) -> SensorModel:
     """The first drive's accepted effects, and those of the others, with the combined parameters."""
     effects: dict[str, Effect] = {}
-    for one in found:
+    for one in calibration:
         accepted = one.folder / one.rounds[-1].accepted
         for effect in load_sensor(accepted).effects:
             effects.setdefault(effect.name, effect)

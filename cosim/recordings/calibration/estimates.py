@@ -123,8 +123,8 @@ def differences(names: Sequence[str], drives: Sequence[Estimates]) -> tuple[Diff
     return _family_wise(found)
 
 
-def _family_wise(found: list[Difference]) -> tuple[Difference, ...]:
-    ordered, least, adjusted = sorted(found, key=lambda one: one.p_value), 0.0, []
+def _family_wise(result: list[Difference]) -> tuple[Difference, ...]:
+    ordered, least, adjusted = sorted(result, key=lambda one: one.p_value), 0.0, []
     for rank, one in enumerate(ordered):
         least = max(least, min(1.0, (len(ordered) - rank) * one.p_value))
         adjusted.append(Difference(**{**vars(one), "p_value": least}))

@@ -206,38 +206,38 @@ def _round(
 
 
 def _directions(
-    prepared: Prepared, twin: Path, found: Diagnosis, settings: Settings, on_step: Callable[[str], None]
+    prepared: Prepared, twin: Path, diagnosis: Diagnosis, settings: Settings, on_step: Callable[[str], None]
 ) -> dict[str, Any] | None:
     """Angles between the beams that two halves of the recording give."""
     on_step("beam directions from two halves")
-    free = [one.effect for one in found.effects if issubclass(effect_classes()[one.effect], BeamEffect)]
-    free += [name for name in found.refitted if issubclass(effect_classes()[name], BeamEffect) and name not in free]
-    error = direction_error_of_halves(prepared.recording, twin, found.sensor, found.split.fit, free, settings)
+    free = [one.effect for one in diagnosis.effects if issubclass(effect_classes()[one.effect], BeamEffect)]
+    free += [name for name in diagnosis.refitted if issubclass(effect_classes()[name], BeamEffect) and name not in free]
+    error = direction_error_of_halves(prepared.recording, twin, diagnosis.sensor, diagnosis.split.fit, free, settings)
     return None if error is None else error.as_json()
 
 
-def _advice(prepared: Prepared, twin: RecordingTwin, found: Diagnosis) -> list[dict[str, Any]]:
+def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """What to record next."""
-    told = found.to_json()
-    fitted = {one["effect"]: one for one in told["effects"]} | dict(found.refitted)
+    told = diagnosis.to_json()
+    fitted = {one["effect"]: one for one in told["effects"]} | dict(diagnosis.refitted)
     systematic = {name: one for name, one in fitted.items() if not issubclass(effect_classes()[name], NoiseEffect)}
     rows = undetermined(told["smallest_detectable"], systematic)
     height_m = twin.as_json()["mount"]["height_m"]
-    advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, found.sensor.effects)
+    advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, diagnosis.sensor.effects)
     return [one.as_json() for one in advice]
 
 
-def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], place: Path) -> Path:
+def _write_accepted(diagnosis: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], place: Path) -> Path:
     """Write the sensor without the findings that do not lower the error of untouched scans, and scores of both models.
 
     Args:
-        found: the diagnosis.
+        diagnosis: the diagnosis.
         before: effects of the sensor as given: a finding that changes one of these and is rejected leaves it as it was.
         transfers: of the findings.
         place: folder of the round.
     """
     rejected = {one.effect for one in transfers if not one.is_accepted}
-    pairs, sensor = found.frame_pairs, found.sensor
+    pairs, sensor = diagnosis.frame_pairs, diagnosis.sensor
     assert pairs is not None, "a diagnosis keeps its pairs of frames"
     accepted = pairs.after
     if rejected:
@@ -246,25 +246,25 @@ def _write_accepted(found: Diagnosis, before: Sequence[Effect], transfers: Seque
         effects = tuple(one for one in own if one is not None)
         sensor = SensorModel(sensor.pattern, effects, sensor.origin)
         accepted = pairs.align(effects)
-    unknowns = tuple(one for one in found.unknowns if one.name not in rejected)
-    file = replace(found, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
+    unknowns = tuple(one for one in diagnosis.unknowns if one.name not in rejected)
+    file = replace(diagnosis, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
     write_scores(place / SCORES, {"given": aligned_scores(pairs.before), "accepted": aligned_scores(accepted)})
     return file
 
 
-def _write_result(found: Calibration) -> None:
+def _write_result(calibration: Calibration) -> None:
     """Keep what exports need."""
-    chosen = found.rounds[(found.acceptance.round or len(found.rounds)) - 1]
-    poses = (found.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
+    chosen = calibration.rounds[(calibration.acceptance.round or len(calibration.rounds)) - 1]
+    poses = (calibration.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
     told = {
-        "recording": str(found.recording.resolve()),
-        "sensor_file": _said(found.sensor_out, found.folder),
-        "recommended": found.acceptance.is_recommended,
-        "poses_file": _said(poses, found.folder),
+        "recording": str(calibration.recording.resolve()),
+        "sensor_file": _said(calibration.sensor_out, calibration.folder),
+        "recommended": calibration.acceptance.is_recommended,
+        "poses_file": _said(poses, calibration.folder),
         "sweep_scale": chosen.sweep_scale,
     }
-    with explained(found.folder):
-        (found.folder / RESULT).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    with explained(calibration.folder):
+        (calibration.folder / RESULT).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
 def _said(file: Path, folder: Path) -> str:

@@ -16,9 +16,9 @@ from cosim.report import document, facts, figure, notes_section, section, table
 from cosim.report.plot import Axis, Plot, nice_top
 
 
-def headline(found: Calibration) -> str:
+def headline(calibration: Calibration) -> str:
     """The outcome in a sentence or two, plain text."""
-    accepted = found.acceptance
+    accepted = calibration.acceptance
     if accepted.is_recommended:
         names = ", ".join(dict.fromkeys(one.effect for one in accepted.transfers if one.is_accepted)) or "noise"
         said = f"Recommended: the calibrated file ({names}), because {accepted.reason}."
@@ -27,39 +27,43 @@ def headline(found: Calibration) -> str:
     rejected = [one.effect for one in accepted.transfers if not one.is_accepted]
     if rejected:
         said += f" Found, but not shown by untouched scans: {', '.join(dict.fromkeys(rejected))}."
-    last, first = found.rounds[-1], found.rounds[0]
+    last, first = calibration.rounds[-1], calibration.rounds[0]
     if last.unexplained:
         said += f" {len(last.unexplained)} dependences stay unexplained."
     said += (
         f" Ground of the map {1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick, "
         f"walls {1000 * first.thickness_walls_m:.1f} → {1000 * last.thickness_walls_m:.1f} mm."
     )
-    if not found.settled:
-        rounds = "1 round" if len(found.rounds) == 1 else f"{len(found.rounds)} rounds"
+    if not calibration.settled:
+        rounds = "1 round" if len(calibration.rounds) == 1 else f"{len(calibration.rounds)} rounds"
         said += f" After {rounds} it still changed: run on with more --rounds."
     return said
 
 
-def format_page(found: Calibration) -> str:
+def format_page(calibration: Calibration) -> str:
     """The HTML text."""
-    last = found.rounds[-1]
-    name = found.recording.name
+    last = calibration.rounds[-1]
+    name = calibration.recording.name
     return document(
         f"Calibration on {name}",
         [
-            f"<header><h1>Calibration on {escape(name)}</h1><p class='verdict'>{escape(headline(found))}</p>"
-            f"{_facts(found)}</header>",
-            _report(found),
-            _transfers(found),
-            section("Round by round", f'<div class="charts">{_thickness(found)}{_errors(found)}</div>', _links(found)),
+            f"<header><h1>Calibration on {escape(name)}</h1><p class='verdict'>{escape(headline(calibration))}</p>"
+            f"{_facts(calibration)}</header>",
+            _report(calibration),
+            _transfers(calibration),
+            section(
+                "Round by round",
+                f'<div class="charts">{_thickness(calibration)}{_errors(calibration)}</div>',
+                _links(calibration),
+            ),
             section(
                 "What was found",
-                _findings(found),
+                _findings(calibration),
                 text="Each effect with its latest parameters and their 95 % intervals.",
             ),
             _unexplained(last),
             _advice(last),
-            _history(found),
+            _history(calibration),
             _not_told(last),
             notes_section(last.notes, "What to know"),
         ],
@@ -67,15 +71,15 @@ def format_page(found: Calibration) -> str:
     )
 
 
-def _facts(found: Calibration) -> str:
-    last = found.rounds[-1]
+def _facts(calibration: Calibration) -> str:
+    last = calibration.rounds[-1]
     floor = "unknown" if last.noise_floor is None else f"{last.noise_floor:.2f}"
     held = "none" if last.held_out_m is None else f"{1000 * last.held_out_m:.1f} mm"
     return facts(
         [
-            ("Recommended", "yes" if found.acceptance.is_recommended else "no: keep your file"),
-            ("Sensor file to use", escape(found.sensor_out.relative_to(found.folder).as_posix())),
-            ("Rounds", f"{len(found.rounds)}" + ("" if found.settled else ", not settled")),
+            ("Recommended", "yes" if calibration.acceptance.is_recommended else "no: keep your file"),
+            ("Sensor file to use", escape(calibration.sensor_out.relative_to(calibration.folder).as_posix())),
+            ("Rounds", f"{len(calibration.rounds)}" + ("" if calibration.settled else ", not settled")),
             ("Aligned error of untouched scans, last round", f"{last.aligned_after:.2f}"),
             ("Noise floor", floor),
             ("Untouched scans across the map", held),
@@ -87,9 +91,9 @@ _PUBLISHED_DEG = (("KISS-ICP", 0.205), ("PIN-SLAM", 0.195), ("CAE-LO", 0.22), ("
 _HDL64_LASERS = (60, 64)
 
 
-def _report(found: Calibration) -> str:
+def _report(calibration: Calibration) -> str:
     """Quality of the calibration in the terms of the field."""
-    last, first, change = found.rounds[-1], found.rounds[0], found.acceptance.change
+    last, first, change = calibration.rounds[-1], calibration.rounds[0], calibration.acceptance.change
     rows = []
     if change is not None:
         rows.append(
@@ -131,7 +135,7 @@ def _report(found: Calibration) -> str:
             ]
         )
     parts = [table(["quantity", "before", "after", "evidence"], rows, words=(0, 3))]
-    offset = latest_estimates(found.rounds).get(("elevation_offset", "offset_deg"))
+    offset = latest_estimates(calibration.rounds).get(("elevation_offset", "offset_deg"))
     if offset is not None and last.directions and _HDL64_LASERS[0] <= last.directions["lasers"] <= _HDL64_LASERS[1]:
         value, (low, high) = offset
         published = ", ".join(f"{name} {degrees}°" for name, degrees in _PUBLISHED_DEG)
@@ -142,10 +146,10 @@ def _report(found: Calibration) -> str:
     return section("Calibration report", *parts)
 
 
-def _transfers(found: Calibration) -> str:
+def _transfers(calibration: Calibration) -> str:
     """Which findings lower the error of untouched scans."""
     rows = []
-    for one in found.acceptance.transfers:
+    for one in calibration.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
         by = {"step": "added on the same map", "map": "new map made with it"}[one.by]
         rows.append([escape(one.effect), change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
@@ -170,27 +174,29 @@ def _advice(last: Round) -> str:
     return section("What to record next", table(["parameter", "now", "drive"], rows, words=(0, 1, 2)), text=text)
 
 
-def _thickness(found: Calibration) -> str:
-    ground = 1000 * np.array([one.thickness_ground_m for one in found.rounds])
-    walls = 1000 * np.array([one.thickness_walls_m for one in found.rounds])
-    plot = Plot(_rounds_axis(found), Axis(0, nice_top(float(np.nanmax([ground, walls]))), "thickness [mm]"), "map")
-    plot.line(_numbers(found), ground, "a", dots=True)
-    plot.line(_numbers(found), walls, "b", dots=True)
+def _thickness(calibration: Calibration) -> str:
+    ground = 1000 * np.array([one.thickness_ground_m for one in calibration.rounds])
+    walls = 1000 * np.array([one.thickness_walls_m for one in calibration.rounds])
+    plot = Plot(
+        _rounds_axis(calibration), Axis(0, nice_top(float(np.nanmax([ground, walls]))), "thickness [mm]"), "map"
+    )
+    plot.line(_numbers(calibration), ground, "a", dots=True)
+    plot.line(_numbers(calibration), walls, "b", dots=True)
     return figure(
         "Thickness of the map", "ground (yellow) and other surfaces (blue), points freed of what was known", plot.svg()
     )
 
 
-def _errors(found: Calibration) -> str:
+def _errors(calibration: Calibration) -> str:
     lines = [
-        ([one.error for one in found.rounds], "a"),
-        ([one.error_aligned for one in found.rounds], "b"),
-        ([np.nan if one.noise_floor is None else one.noise_floor for one in found.rounds], "c"),
+        ([one.error for one in calibration.rounds], "a"),
+        ([one.error_aligned for one in calibration.rounds], "b"),
+        ([np.nan if one.noise_floor is None else one.noise_floor for one in calibration.rounds], "c"),
     ]
     top = nice_top(float(np.nanmax([max(values) for values, _ in lines])))
-    plot = Plot(_rounds_axis(found), Axis(0, top, "error"), "error by round")
+    plot = Plot(_rounds_axis(calibration), Axis(0, top, "error"), "error by round")
     for values, style in lines:
-        plot.line(_numbers(found), np.array(values, float), style, dots=True)
+        plot.line(_numbers(calibration), np.array(values, float), style, dots=True)
     return figure(
         "Error by round",
         "initial sensor of each round, on untouched scans: at the given poses (yellow; the map absorbs a part of "
@@ -199,18 +205,18 @@ def _errors(found: Calibration) -> str:
     )
 
 
-def _rounds_axis(found: Calibration) -> Axis:
-    names = ["", *(f"round {one.number}" for one in found.rounds)]
-    return Axis(0.5, len(found.rounds) + 0.5, "", names=names)
+def _rounds_axis(calibration: Calibration) -> Axis:
+    names = ["", *(f"round {one.number}" for one in calibration.rounds)]
+    return Axis(0.5, len(calibration.rounds) + 0.5, "", names=names)
 
 
-def _numbers(found: Calibration) -> np.ndarray:
-    return np.array([one.number for one in found.rounds], float)
+def _numbers(calibration: Calibration) -> np.ndarray:
+    return np.array([one.number for one in calibration.rounds], float)
 
 
-def _links(found: Calibration) -> str:
+def _links(calibration: Calibration) -> str:
     rows = []
-    for one in found.rounds:
+    for one in calibration.rounds:
         place = one.sensor_out.rpartition("/")[0]
         said = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
         added = ", ".join(said) or "no further effect"
@@ -226,9 +232,9 @@ def _links(found: Calibration) -> str:
     return table(["round", "found", "", "", ""], rows, words=(1, 2, 3, 4))
 
 
-def _findings(found: Calibration) -> str:
+def _findings(calibration: Calibration) -> str:
     latest: dict[str, tuple[int, Mapping[str, Any]]] = {}
-    for each in found.rounds:
+    for each in calibration.rounds:
         for one in each.findings:
             latest[one["effect"]] = (each.number, one)
         for name, one in each.refitted.items():
@@ -290,7 +296,7 @@ def _unexplained(last: Round) -> str:
     return section("Not explained", *(parts or ["<p>Nothing significant is left.</p>"]))
 
 
-def _history(found: Calibration) -> str:
+def _history(calibration: Calibration) -> str:
     rows = [
         [
             escape(one.sensor),
@@ -300,7 +306,7 @@ def _history(found: Calibration) -> str:
             f"{1000 * one.thickness_ground_m:.1f}",
             f"{1000 * one.thickness_walls_m:.1f}",
         ]
-        for one in found.tried
+        for one in calibration.tried
     ]
     heads = ["sensor file", "effects", "error", "aligned", "ground [mm]", "walls [mm]"]
     return section("Every sensor file tried on this recording", table(heads, rows, words=(0, 1)))

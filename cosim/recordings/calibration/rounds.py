@@ -118,7 +118,7 @@ def round_of(
     sensor: str,
     sensor_out: str,
     before: Sequence[Effect],
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     made: Mapping[str, Any],
     judgement: Judgement,
 ) -> Round:
@@ -128,39 +128,39 @@ def round_of(
         number: from 1.
         sensor, sensor_out: files, relative to the calibration's folder.
         before: effects of the sensor that it began with.
-        found: the diagnosis.
+        diagnosis: the diagnosis.
         made: `RecordingTwin.as_json` of its map.
         judgement: of its findings.
     """
-    told = found.to_json()
+    told = diagnosis.to_json()
     return Round(
         number=number,
         sensor=sensor,
         sensor_out=sensor_out,
         effects=[{"effect": one.name, **one.model_dump(mode="json")} for one in before],
         findings=[{**one, "ci95": widened(one["effect"], one, before)} for one in told["effects"]],
-        refitted={name: {**one, "ci95": widened(name, one, before)} for name, one in found.refitted.items()},
+        refitted={name: {**one, "ci95": widened(name, one, before)} for name, one in diagnosis.refitted.items()},
         unknowns=told["unknowns"],
         unexplained=told["unexplained"],
         not_told=told["smallest_detectable"],
         error=told["error_before"],
-        error_aligned=found.budget.given_aligned,
-        noise_floor=found.noise_floor,
+        error_aligned=diagnosis.budget.given_aligned,
+        noise_floor=diagnosis.noise_floor,
         error_after=told["error_after"],
-        aligned_after=found.budget.error_aligned,
+        aligned_after=diagnosis.budget.error_aligned,
         budget=told["budget"],
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],
-        moved=is_moved(found, before),
+        moved=is_moved(diagnosis, before),
         **vars(judgement),
-        notes=list(dict.fromkeys((*made["notes"], *found.notes))),
+        notes=list(dict.fromkeys((*made["notes"], *diagnosis.notes))),
     )
 
 
-def is_moved(found: Diagnosis, before: Sequence[Effect]) -> bool:
+def is_moved(diagnosis: Diagnosis, before: Sequence[Effect]) -> bool:
     """Whether what was found, or fitted again, moves points of the map."""
-    rows = [*found.to_json()["effects"], *({"effect": name, **one} for name, one in found.refitted.items())]
+    rows = [*diagnosis.to_json()["effects"], *({"effect": name, **one} for name, one in diagnosis.refitted.items())]
     return any(_moves(one, before) for one in rows)
 
 

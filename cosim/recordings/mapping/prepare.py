@@ -152,18 +152,18 @@ def _sweep(
     return sweep_motion(part, path, lines, sweep_s, SurfelSettings())
 
 
-def _rings(found: FoundPattern, beams: Pattern, given: str) -> np.ndarray:
+def _rings(pattern: FoundPattern, beams: Pattern, given: str) -> np.ndarray:
     """Ring of the pattern for each laser that the points show (k,).
 
     Raises:
         RecordingError: they are not the pattern's.
     """
-    apart = np.abs(found.lasers.elevation_deg[:, None] - np.array(beams.elevation_deg))
+    apart = np.abs(pattern.lasers.elevation_deg[:, None] - np.array(beams.elevation_deg))
     ring, off = apart.argmin(1), apart.min(1)
     if off.max() > _SAME_LASER_DEG or len(np.unique(ring)) < len(ring):
         row = int(off.argmax())
         raise RecordingError(
             f"pattern {given}: {beams.rings} lasers, none of them the one that points show at "
-            f"{found.lasers.elevation_deg[row]:+.2f}° (of {len(found.lasers)}); leave --pattern out, or give its own"
+            f"{pattern.lasers.elevation_deg[row]:+.2f}° (of {len(pattern.lasers)}); omit --pattern, or give its own"
         )
     return ring

@@ -106,25 +106,25 @@ def find_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
 
 
 def _own_points(
-    found: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray, half_deg: float = _HALF_WIDTH_DEG
+    lasers: Lasers, rho: np.ndarray, z: np.ndarray, scan: np.ndarray, half_deg: float = _HALF_WIDTH_DEG
 ) -> Lasers:
     """Fit the lasers again without those that are outliers of a strong neighbour."""
     for _ in range(3):
-        kept = _kept(found)
+        kept = _kept(lasers)
         if kept.all():
             break
-        found = fit_lasers(rho, z, scan, found.lines[kept], half_deg=half_deg)
-    return found
+        lasers = fit_lasers(rho, z, scan, lasers.lines[kept], half_deg=half_deg)
+    return lasers
 
 
-def _near_lasers(rho: np.ndarray, z: np.ndarray, near: np.ndarray, found: Lasers) -> tuple[np.ndarray, np.ndarray]:
+def _near_lasers(rho: np.ndarray, z: np.ndarray, near: np.ndarray, lasers: Lasers) -> tuple[np.ndarray, np.ndarray]:
     """Points (n,) bool and lines (k, 2) of lasers that meet only what is near, as a steep one meets the vehicle's roof.
 
     Points at similar ranges do not determine their laser's centre: that of the other lasers is used.
     """
-    _, off = nearest_laser(rho, z, found.lines)
+    _, off = nearest_laser(rho, z, lasers.lines)
     close = near & (np.abs(off) > np.radians(2 * _HALF_WIDTH_DEG))
-    lines = _peel(rho[close], z[close], np.array([np.median(found.centre_m)]), found)
+    lines = _peel(rho[close], z[close], np.array([np.median(lasers.centre_m)]), lasers)
     return close, lines
 
 

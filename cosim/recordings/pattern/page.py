@@ -11,64 +11,66 @@ from cosim.report import document, facts, figure, notes_section, section, table
 from cosim.report.plot import Axis, Plot, nice_top
 
 
-def format_page(found: FoundPattern, title: str) -> str:
+def format_page(pattern: FoundPattern, title: str) -> str:
     """The HTML text.
 
     Args:
-        found: pattern to report.
+        pattern: pattern to report.
         title: plain text.
     """
-    lasers = found.lasers
+    lasers = pattern.lasers
     head = (
         f"<header><h1>{escape(title)}</h1><p class='verdict'>{len(lasers)} lasers from "
-        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {found.turning.firings} firings a turn; "
-        f"{lasers.share:.1%} of the points lie on a laser's cone.</p>{_facts(found)}</header>"
+        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {pattern.turning.firings} firings a turn; "
+        f"{lasers.share:.1%} of the points lie on a laser's cone.</p>{_facts(pattern)}</header>"
     )
-    charts = "".join((_elevations(found), _spacing(found), _misfit(found), _fan(found), _centres(found), _share(found)))
+    charts = "".join(
+        (_elevations(pattern), _spacing(pattern), _misfit(pattern), _fan(pattern), _centres(pattern), _share(pattern))
+    )
     parts = [
         head,
         section("What the points show", f'<div class="charts">{charts}</div>'),
-        notes_section(found.notes, "What to know"),
-        section("Lasers", _table(found)),
+        notes_section(pattern.notes, "What to know"),
+        section("Lasers", _table(pattern)),
     ]
     return document(title, parts, generator="cosim pattern")
 
 
-def _facts(found: FoundPattern) -> str:
-    lasers, turning = found.lasers, found.turning
+def _facts(pattern: FoundPattern) -> str:
+    lasers, turning = pattern.lasers, pattern.turning
     firings = f"{turning.firings}" if turning.fixed else f"{turning.firings} ± {turning.firings_sd:.1f}"
     return facts(
         [
-            ("Scans looked at", f"{found.scans}"),
-            ("Points", f"{found.points:,}"),
+            ("Scans looked at", f"{pattern.scans}"),
+            ("Points", f"{pattern.points:,}"),
             ("On a beam", f"{lasers.share:.2%}"),
             ("Spread about it, median", f"{np.median(lasers.misfit_deg):.4f}°"),
             ("Standard error of elevations, largest", f"{max(lasers.elevation_sd_deg.max(), 5e-5):.4f}°"),
             ("Firings a turn", firings),
             ("Azimuth step", f"{360 / max(turning.firings, 1):.4f}°"),
-            ("Sweep", f"{found.pattern.sweep_s:g} s"),
+            ("Sweep", f"{pattern.pattern.sweep_s:g} s"),
             ("Order of points", turning.order),
             ("Fan known from", turning.fan_known),
         ]
     )
 
 
-def _rings(found: FoundPattern) -> Axis:
-    return Axis(-0.5, len(found.lasers) - 0.5, "laser, top first")
+def _rings(pattern: FoundPattern) -> Axis:
+    return Axis(-0.5, len(pattern.lasers) - 0.5, "laser, top first")
 
 
-def _elevations(found: FoundPattern) -> str:
-    values = found.lasers.elevation_deg
-    plot = Plot(_rings(found), Axis(*_padded(values), "elevation [°]"), "elevations by laser")
+def _elevations(pattern: FoundPattern) -> str:
+    values = pattern.lasers.elevation_deg
+    plot = Plot(_rings(pattern), Axis(*_padded(values), "elevation [°]"), "elevations by laser")
     plot.line(np.arange(len(values)), values, "a", dots=True)
     return figure("Elevation", "of each laser", plot.svg())
 
 
-def _spacing(found: FoundPattern) -> str:
-    gap = -np.diff(found.lasers.elevation_deg)
+def _spacing(pattern: FoundPattern) -> str:
+    gap = -np.diff(pattern.lasers.elevation_deg)
     if not len(gap):
         return ""
-    plot = Plot(_rings(found), Axis(0, nice_top(float(gap.max())), "to the next laser [°]"), "spacing of lasers")
+    plot = Plot(_rings(pattern), Axis(0, nice_top(float(gap.max())), "to the next laser [°]"), "spacing of lasers")
     plot.line(np.arange(len(gap)) + 0.5, gap, "b", dots=True)
     return figure(
         "Spacing",
@@ -77,10 +79,10 @@ def _spacing(found: FoundPattern) -> str:
     )
 
 
-def _misfit(found: FoundPattern) -> str:
-    misfit, error = found.lasers.misfit_deg, found.lasers.elevation_sd_deg
+def _misfit(pattern: FoundPattern) -> str:
+    misfit, error = pattern.lasers.misfit_deg, pattern.lasers.elevation_sd_deg
     top = nice_top(1.2 * float(max(misfit.max(), error.max(), 1e-4)))
-    plot = Plot(_rings(found), Axis(0, top, "[°]"), "misfit by laser")
+    plot = Plot(_rings(pattern), Axis(0, top, "[°]"), "misfit by laser")
     rows = np.arange(len(misfit))
     plot.line(rows, misfit, "a", dots=True)
     plot.line(rows, error, "c", dots=True)
@@ -89,33 +91,33 @@ def _misfit(found: FoundPattern) -> str:
     )
 
 
-def _fan(found: FoundPattern) -> str:
-    fan = np.array(found.pattern.azimuth_offset_deg, float)
-    plot = Plot(_rings(found), Axis(*_padded(fan), "azimuth offset [°]"), "fan of the lasers")
+def _fan(pattern: FoundPattern) -> str:
+    fan = np.array(pattern.pattern.azimuth_offset_deg, float)
+    plot = Plot(_rings(pattern), Axis(*_padded(fan), "azimuth offset [°]"), "fan of the lasers")
     plot.line(np.arange(len(fan)), fan, "b", dots=True)
     known = {
         "within a step": "only its part of an azimuth step is known",
         "not at all": "not determined by these scans",
     }
-    return figure("Fan", known.get(found.turning.fan_known, f"from {found.turning.fan_known}"), plot.svg())
+    return figure("Fan", known.get(pattern.turning.fan_known, f"from {pattern.turning.fan_known}"), plot.svg())
 
 
-def _centres(found: FoundPattern) -> str:
-    centre = 100 * found.lasers.centre_m
-    plot = Plot(_rings(found), Axis(*_padded(centre), "height of the centre [cm]"), "optical centres")
+def _centres(pattern: FoundPattern) -> str:
+    centre = 100 * pattern.lasers.centre_m
+    plot = Plot(_rings(pattern), Axis(*_padded(centre), "height of the centre [cm]"), "optical centres")
     plot.line(np.arange(len(centre)), centre, "a", dots=True)
     return figure("Optical centre", "of each laser along the axis; two levels are two blocks", plot.svg())
 
 
-def _share(found: FoundPattern) -> str:
-    points = found.lasers.points / max(found.scans, 1)
-    plot = Plot(_rings(found), Axis(0, nice_top(float(points.max())), "points a scan"), "points by laser")
+def _share(pattern: FoundPattern) -> str:
+    points = pattern.lasers.points / max(pattern.scans, 1)
+    plot = Plot(_rings(pattern), Axis(0, nice_top(float(points.max())), "points a scan"), "points by laser")
     plot.line(np.arange(len(points)), points, "b", dots=True)
-    return figure("Points", f"of each laser; {found.turning.firings} would be every firing", plot.svg())
+    return figure("Points", f"of each laser; {pattern.turning.firings} would be every firing", plot.svg())
 
 
-def _table(found: FoundPattern) -> str:
-    lasers, fan = found.lasers, found.pattern.azimuth_offset_deg
+def _table(pattern: FoundPattern) -> str:
+    lasers, fan = pattern.lasers, pattern.pattern.azimuth_offset_deg
     heads = ["laser", "elevation [°]", "±", "fan [°]", "centre [m]", "spread [°]", "points"]
     rows = (
         [

@@ -76,14 +76,14 @@ def _refers(element: ET.Element, key: str) -> bool:
 
 
 def _substitute(source: str, text: str, values: Mapping[str, str]) -> str:
-    def value(found: re.Match[str]) -> str:
-        if found[1] is not None:
-            return f"{_evaluate(source, found[1], values):.12g}"
-        if found[2] not in values:
+    def value(match: re.Match[str]) -> str:
+        if match[1] is not None:
+            return f"{_evaluate(source, match[1], values):.12g}"
+        if match[2] not in values:
             raise TrajectoryError(
-                f"{source}: ${found[2]} is declared in no element around its use; give it under <ParameterDeclarations>"
+                f"{source}: ${match[2]} is declared in no element around its use; give it under <ParameterDeclarations>"
             )
-        return values[found[2]]
+        return values[match[2]]
 
     return _USE.sub(value, text)
 

@@ -52,9 +52,9 @@ def thin(pattern: Pattern) -> Pattern:
     return pattern.model_copy(update={"firings": 300})
 
 
-def said(found: list[Scan], *accepted: str) -> str:
+def said(result: list[Scan], *accepted: str) -> str:
     lines = np.column_stack([np.radians(ELEVATIONS), np.zeros(len(ELEVATIONS))])
-    held = Held(found)
+    held = Held(result)
     try:
         return "; ".join(check_survey(held, survey_scans(held, lines), accepted))  # type: ignore[arg-type]
     except RecordingError as error:

@@ -21,9 +21,9 @@ QUICK = ("vlp16", "hdl32e", "hdl64e_kitti", "os1_64", "pandar128")  # one of eac
 SAMPLES = Path(os.environ.get("COSIM_SCAN_SAMPLES", "samples"))
 
 
-def written(folder: Path, found: list[Scan]) -> Path:
+def written(folder: Path, result: list[Scan]) -> Path:
     folder.mkdir(parents=True)
-    for scan in found:
+    for scan in result:
         np.column_stack([scan.xyz, np.full(len(scan), 0.5)]).astype("<f4").tofile(folder / f"{scan.name}.bin")
     return folder
 

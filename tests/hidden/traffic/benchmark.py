@@ -66,18 +66,18 @@ def _result(folder: Path, hidden: dict, seed: int) -> dict[str, Any]:
     return json.loads(path.read_text())
 
 
-def _print(name: str, truth: dict[str, dict[str, float]], found: dict[str, Any]) -> None:
-    names = [one["effect"] for one in found["effects"]]
+def _print(name: str, truth: dict[str, dict[str, float]], result: dict[str, Any]) -> None:
+    names = [one["effect"] for one in result["effects"]]
     judged = "exact" if sorted(names) == sorted(truth) else "first" if names[:1] == list(truth)[:1] else "MISSED"
     told = []
-    for one in found["effects"]:
+    for one in result["effects"]:
         for key, true in truth.get(one["effect"], {}).items():
             low, high = one["ci95"][key]
             told.append(
                 f"{key} {one['params'][key]:.3g} (true {true:g}, {'in' if low <= true <= high else 'OUT OF'} CI)"
             )
-    fall = f"error {found['error_before']:.3f} → {found['error_after']:.3f} (floor {found['noise_floor']:.3f})"
-    print(f"{name:20s} {judged:7s} {', '.join(names) or '–':30s} {fall} {'; '.join(told)} {found['total_s']:.0f} s")
+    fall = f"error {result['error_before']:.3f} → {result['error_after']:.3f} (floor {result['noise_floor']:.3f})"
+    print(f"{name:20s} {judged:7s} {', '.join(names) or '–':30s} {fall} {'; '.join(told)} {result['total_s']:.0f} s")
 
 
 if __name__ == "__main__":

@@ -133,14 +133,14 @@ def _cpu_s() -> float:
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
-def _judge(name: str, case: Case, found: dict[str, Any]) -> str:
+def _judge(name: str, case: Case, result: dict[str, Any]) -> str:
     from cosim.driver_discrepancy.channels import CHANNELS
 
-    names = [one["effect"] for one in found["effects"]]
+    names = [one["effect"] for one in result["effects"]]
     if name.startswith("null"):
-        return "silent" if not names and not found["unexplained"] else "ALARM"
+        return "silent" if not names and not result["unexplained"] else "ALARM"
     if case.channels:
-        groups = [CHANNELS[one["channel"]].group for one in found["unexplained"]]
+        groups = [CHANNELS[one["channel"]].group for one in result["unexplained"]]
         right = any(group in case.channels for group in groups)
         return ("right" if right else "WRONG" if names or groups else "MISSED") + (" +finding" if names else "")
     if names and names[0] in case.truth:
@@ -148,18 +148,18 @@ def _judge(name: str, case: Case, found: dict[str, Any]) -> str:
     return "WRONG" if names else "MISSED"
 
 
-def _line(name: str, case: Case, found: dict[str, Any]) -> str:
+def _line(name: str, case: Case, result: dict[str, Any]) -> str:
     words = []
-    for one in found["effects"]:
+    for one in result["effects"]:
         for key, true in case.truth.get(one["effect"], {}).items():
             low, high = one["ci95"][key]
             inside = "in" if low <= true <= high else "OUT"
             words.append(f"{key} {one['params'][key]:.3g} [{low:.3g}, {high:.3g}] true {true:g} {inside}")
-    names = ", ".join(one["effect"] for one in found["effects"]) or "–"
-    left = ", ".join(f"{one['channel']}{one['covariates'] or ''}" for one in found["unexplained"])
-    fall = f"{found['error_before']:.3f} → {found['error_after']:.3f} (floor {found['noise_floor']:.3f})"
-    judged = _judge(name, case, found)
-    return f"{name:30s} {judged:10s} {names:36s} {fall} {'; '.join(words)} | {left} | {found['cpu_s']:.0f} CPU s"
+    names = ", ".join(one["effect"] for one in result["effects"]) or "–"
+    left = ", ".join(f"{one['channel']}{one['covariates'] or ''}" for one in result["unexplained"])
+    fall = f"{result['error_before']:.3f} → {result['error_after']:.3f} (floor {result['noise_floor']:.3f})"
+    judged = _judge(name, case, result)
+    return f"{name:30s} {judged:10s} {names:36s} {fall} {'; '.join(words)} | {left} | {result['cpu_s']:.0f} CPU s"
 
 
 def _print_shares(done: dict[str, dict[str, Any]]) -> None:

@@ -29,10 +29,10 @@ def on_ground(elevation):
     return np.where(expected < 60, expected, np.nan)
 
 
-def assert_ranges(found, expected, atol=1e-3):
-    both = np.isfinite(found) & np.isfinite(expected)
+def assert_ranges(result, expected, atol=1e-3):
+    both = np.isfinite(result) & np.isfinite(expected)
     assert both.sum() > 1000
-    np.testing.assert_allclose(found[both], expected[both], atol=atol)
+    np.testing.assert_allclose(result[both], expected[both], atol=atol)
 
 
 GROUND = Scene(plane(), no_model)

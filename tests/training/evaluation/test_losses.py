@@ -35,21 +35,21 @@ def scene() -> list[Labels]:
     return [cars] * FRAMES
 
 
-def moved(found: Labels, rows: slice, **by: object) -> Labels:
+def moved(detections: Labels, rows: slice, **by: object) -> Labels:
     """Detections of which some have other values."""
-    columns = {name: getattr(found, name).copy() for name in by}
+    columns = {name: getattr(detections, name).copy() for name in by}
     for name, value in by.items():
         columns[name][rows] += value
-    return replace(found, **columns)
+    return replace(detections, **columns)
 
 
-def split(labels: list[Labels], found: list[Labels], metric="3d") -> Split:
-    return split_loss(find_faults(pair_frames(labels, found), "Car", metric))
+def split(labels: list[Labels], detections: list[Labels], metric="3d") -> Split:
+    return split_loss(find_faults(pair_frames(labels, detections), "Car", metric))
 
 
-def sole_loss(found: Labels, metric="3d") -> tuple[str, Split]:
+def sole_loss(detections: Labels, metric="3d") -> tuple[str, Split]:
     """The one kind that takes anything."""
-    lost = split(scene(), [found] * FRAMES, metric)
+    lost = split(scene(), [detections] * FRAMES, metric)
     (kind,) = [kind for kind, share in lost.share.items() if abs(share) > 1e-9]
     return kind, lost
 
@@ -86,8 +86,8 @@ def test_what_nothing_was_found_of_is_missed():
     assert kind == "misses" and lost.ap == pytest.approx(75) and lost.share["misses"] == pytest.approx(25)
 
 
-def surer(found: Labels, score: float = 2.0) -> Labels:
-    return replace(found, score=np.full(len(found), score))
+def surer(detections: Labels, score: float = 2.0) -> Labels:
+    return replace(detections, score=np.full(len(detections), score))
 
 
 def test_a_sure_box_where_nothing_is_labelled_is_a_false_alarm():
