@@ -21,7 +21,7 @@ def format_page(pattern: FoundPattern, title: str) -> str:
     lasers = pattern.lasers
     head = (
         f"<header><h1>{escape(title)}</h1><p class='verdict'>{len(lasers)} lasers from "
-        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {pattern.turning.firings} firings a turn; "
+        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {pattern.turning.firings} firings/turn; "
         f"{lasers.share:.1%} of the points lie on a laser's cone.</p>{_facts(pattern)}</header>"
     )
     charts = "".join(
