@@ -44,9 +44,9 @@ def _lane(path: Path, element: ET.Element) -> StreetLane:
     return StreetLane(f"{name}_0", name, use, (left + right) / 2, width, _SPEED_MPS, internal)
 
 
-def _use(kinds: set[str | None]) -> LaneUse:
+def _use(types: set[str | None]) -> LaneUse:
     for kind, use in _USES.items():
-        if kind in kinds:
+        if kind in types:
             return use
     return "drive"
 

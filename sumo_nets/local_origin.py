@@ -34,12 +34,12 @@ Origin = tuple[float, float, float]
 ZERO: Origin = (0.0, 0.0, 0.0)
 
 
-def find_origin(places: np.ndarray) -> Origin:
+def find_origin(positions: np.ndarray) -> Origin:
     """Offset (x, y, z) [m] of the local origin of places (n, 2): zero where they lie near zero."""
-    places = places[np.isfinite(places).all(1)]
-    if not len(places):
+    positions = positions[np.isfinite(positions).all(1)]
+    if not len(positions):
         return ZERO
-    middle = np.median(places, axis=0)
+    middle = np.median(positions, axis=0)
     if (np.abs(middle) <= _FAR_M).all():
         return ZERO
     x, y = (np.round(middle / _STEP_M) * _STEP_M).tolist()

@@ -91,10 +91,10 @@ def read_types(paths: Iterable[Path]) -> TypeTable:
     return TypeTable(kinds, weights)
 
 
-def _weights(element: ET.Element, kinds: Mapping[str, str]) -> Weights:
+def _weights(element: ET.Element, types: Mapping[str, str]) -> Weights:
     names = element.get("vTypes", "").split()
     chances = [float(text) for text in element.get("probabilities", "").split()] or [1.0] * len(names)
-    return {name: chance for name, chance in zip(names, chances, strict=True) if name in kinds}
+    return {name: chance for name, chance in zip(names, chances, strict=True) if name in types}
 
 
 def _draw(weights: Weights, count: int, rng: np.random.Generator, what: str) -> list[str]:

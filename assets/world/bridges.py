@@ -197,9 +197,9 @@ def _on_land(lane: StreetLane, number: int, samples: _Samples, reach: np.ndarray
     return pieces
 
 
-def _is_near(place: np.ndarray, points: np.ndarray, tree: KDTree) -> bool:
-    near = tree.query_ball_point(place[:2], 6.0)
-    return bool(len(near)) and bool((np.abs(points[near, 2] - place[2]) < _LEVEL_M).any())
+def _is_near(position: np.ndarray, points: np.ndarray, tree: KDTree) -> bool:
+    near = tree.query_ball_point(position[:2], 6.0)
+    return bool(len(near)) and bool((np.abs(points[near, 2] - position[2]) < _LEVEL_M).any())
 
 
 def _decks(streets: Streets, samples: _Samples, deck: np.ndarray, raised: list[StreetArea]) -> tuple[Deck, ...]:

@@ -18,7 +18,7 @@ _ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
 
 
 def encode_products(
-    products: Sequence[str], images: Mapping[str, Images], gray: Collection[str], kinds: tuple[str, ...], name: str
+    products: Sequence[str], images: Mapping[str, Images], gray: Collection[str], types: tuple[str, ...], name: str
 ) -> dict[str, bytes]:
     """Encode the images of a frame; returns file contents by path.
 
@@ -26,12 +26,12 @@ def encode_products(
         products: names of the image folders.
         images: images by camera.
         gray: names of the grayscale cameras.
-        kinds: kinds of the instances in the images.
+        types: kinds of the instances in the images.
         name: name of the frame.
     """
     files = {}
     for product in products:
         kind, camera = kind_of(product), camera_of(product)
         encode = _ENCODERS["gray" if kind == "image" and camera in gray else kind]
-        files[f"{product}/{name}.png"] = encode(images[camera], kinds)
+        files[f"{product}/{name}.png"] = encode(images[camera], types)
     return files

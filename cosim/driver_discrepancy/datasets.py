@@ -155,7 +155,7 @@ def _gather(
     ids: Sequence[str],
     kind: dict[str, str],
     time_s: np.ndarray,
-    place: np.ndarray,
+    position: np.ndarray,
     speed: np.ndarray,
     heading: np.ndarray | None,
 ) -> Tracks:
@@ -168,7 +168,7 @@ def _gather(
         [kind[who] for who in names.tolist()],
         [""] * len(names),
         time_s[keep],
-        place[keep],
+        position[keep],
         np.abs(speed[keep]),
         np.zeros(len(names)) if heading is None else np.angle(np.exp(1j * heading[keep])),
     )

@@ -131,7 +131,7 @@ class _Matcher:
         )
 
     def match(
-        self, place: np.ndarray, heading: np.ndarray, keys: np.ndarray, options: Sequence[Mapping[int, float]]
+        self, position: np.ndarray, heading: np.ndarray, keys: np.ndarray, options: Sequence[Mapping[int, float]]
     ) -> np.ndarray:
         """Lane of each sample of a vehicle (n,); empty where there is none.
 
@@ -141,7 +141,7 @@ class _Matcher:
             options: lanes near each of them with their costs.
         """
         known = [at for at, option in enumerate(options) if option]
-        found = np.full(len(place), "", dtype="U64")
+        found = np.full(len(position), "", dtype="U64")
         if not known:
             return found
         path = self._viterbi([options[at] for at in known])
@@ -154,54 +154,54 @@ class _Matcher:
                 found[span] = self._names[a]
                 continue
             way = self._steps.get((a, b), (a, b))
-            cost = np.stack([self._cost(lane, place[span], heading[span]) for lane in way])
+            cost = np.stack([self._cost(lane, position[span], heading[span]) for lane in way])
             choice = np.maximum.accumulate(np.argmin(cost, axis=0))
             found[span] = np.array([self._names[lane] for lane in way])[choice]
         return found
 
-    def options(self, place: np.ndarray, heading: np.ndarray) -> list[dict[int, float]]:
+    def options(self, position: np.ndarray, heading: np.ndarray) -> list[dict[int, float]]:
         """Lanes near places (n, 2) with headings (n,), and their costs."""
-        away, near = self._tree.query(place, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
+        away, near = self._tree.query(position, k=_NEIGHBOURS, distance_upper_bound=_REACH_M)
         known = np.isfinite(away)
         rows, lanes = np.unique(np.column_stack([np.nonzero(known)[0], self._lane[np.asarray(near)[known]]]), axis=0).T
-        found: list[dict[int, float]] = [{} for _ in range(len(place))]
+        found: list[dict[int, float]] = [{} for _ in range(len(position))]
         order = np.argsort(lanes, kind="stable")
         for group in np.split(order, np.flatnonzero(np.diff(lanes[order])) + 1):
             if not len(group):
                 continue
             lane, own = int(lanes[group[0]]), rows[group]
-            costs = self._cost(lane, place[own], heading[own])
+            costs = self._cost(lane, position[own], heading[own])
             for row, cost in zip(own.tolist(), costs.tolist(), strict=True):
                 if np.isfinite(cost):
                     found[row][lane] = cost
         return found
 
-    def with_headings(self, place: np.ndarray, lanes: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    def with_headings(self, position: np.ndarray, lanes: np.ndarray, heading: np.ndarray) -> np.ndarray:
         """Headings (n,) with those that are NaN replaced by those of the lanes (n,) at the places (n, 2)."""
         found = heading.copy()
         for row in np.flatnonzero(np.isnan(heading)).tolist():
             own = np.flatnonzero(self._lane == self._row[lanes[row]]) if lanes[row] else np.arange(len(self._lane))
-            apart = np.hypot(*(self._points[own] - place[row]).T)
+            apart = np.hypot(*(self._points[own] - position[row]).T)
             found[row] = self._heading[own[apart.argmin()]]
         return found
 
-    def _share(self, place: np.ndarray, heading: np.ndarray) -> float:
-        away, near = self._tree.query(place, k=4, distance_upper_bound=_REACH_M)
+    def _share(self, position: np.ndarray, heading: np.ndarray) -> float:
+        away, near = self._tree.query(position, k=4, distance_upper_bound=_REACH_M)
         good = np.isfinite(away)
         turned = np.abs(
             np.angle(np.exp(1j * (self._heading[np.minimum(near, len(self._lane) - 1)] - heading[:, None])))
         )
         return float((good & ~(turned > 0.6) & (away < 5.0)).any(1).mean())
 
-    def _cost(self, lane: int, place: np.ndarray, heading: np.ndarray) -> np.ndarray:
+    def _cost(self, lane: int, position: np.ndarray, heading: np.ndarray) -> np.ndarray:
         shape = self._lanes[lane].shape
         start, piece = shape[:-1], np.diff(shape, axis=0)
         length2 = np.maximum((piece**2).sum(1), 1e-12)
-        away = place[:, None] - start
+        away = position[:, None] - start
         share = np.clip(np.einsum("nij,ij->ni", away, piece) / length2, 0, 1)
         apart = np.hypot(*np.moveaxis(away - share[..., None] * piece, 2, 0))
         best = apart.argmin(1)
-        rows = np.arange(len(place))
+        rows = np.arange(len(position))
         turned = np.nan_to_num(np.angle(np.exp(1j * (np.arctan2(piece[best, 1], piece[best, 0]) - heading))))
         cost = 0.5 * (apart[rows, best] / _DISTANCE_M) ** 2 + 0.5 * (turned / _HEADING_RAD) ** 2
         return np.where(np.abs(turned) > _AGAINST_RAD, np.inf, cost)

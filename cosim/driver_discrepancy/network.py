@@ -127,10 +127,10 @@ class Network:
         """Lanes of cars of an edge, from the right."""
         return sorted((lane for lane in self.lanes.values() if lane.edge == edge), key=lambda lane: lane.index)
 
-    def nearest(self, place: np.ndarray) -> NetLane:
+    def nearest(self, position: np.ndarray) -> NetLane:
         """The lane nearest to a place (2,)."""
         streets = [lane for lane in self.lanes.values() if not lane.inside]
-        apart = [float(np.min(np.hypot(*(_dense(lane.shape) - place).T))) for lane in streets]
+        apart = [float(np.min(np.hypot(*(_dense(lane.shape) - position).T))) for lane in streets]
         return streets[int(np.argmin(apart))]
 
     def way(self, one: str, other: str, longest: int = 6) -> list[str]:

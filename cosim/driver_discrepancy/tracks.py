@@ -74,7 +74,7 @@ def gathered(
     types: Sequence[str] | np.ndarray,
     lane: Sequence[str] | np.ndarray,
     time_s: np.ndarray,
-    place: np.ndarray,
+    position: np.ndarray,
     speed_mps: np.ndarray,
     heading_rad: np.ndarray,
 ) -> Tracks:
@@ -86,7 +86,7 @@ def gathered(
         types=tuple(str(types[int(i)]) for i in first),
         vehicle=vehicle[order],
         time_s=time_s[order],
-        place=place[order],
+        place=position[order],
         speed_mps=speed_mps[order],
         heading_rad=heading_rad[order],
         lane=np.array(lane, dtype=str)[order],
@@ -221,7 +221,7 @@ def with_true_headings(tracks: Tracks) -> Tracks:
     return replace(tracks, heading_rad=np.angle(np.exp(1j * other)))
 
 
-def _check_order(vehicle: np.ndarray, time_s: np.ndarray, place: np.ndarray, speed_mps: np.ndarray) -> None:
+def _check_order(vehicle: np.ndarray, time_s: np.ndarray, position: np.ndarray, speed_mps: np.ndarray) -> None:
     """Find a clock that goes back, from samples in the order of the file.
 
     A vehicle whose time decreases once while it moves on as far as in a usual step shows a change of the clock. In
@@ -230,7 +230,7 @@ def _check_order(vehicle: np.ndarray, time_s: np.ndarray, place: np.ndarray, spe
     Args:
         vehicle: (n,) code of the vehicle of each sample.
         time_s: (n,) time of each sample.
-        place: (n, 2) position of each sample [m].
+        position: (n, 2) position of each sample [m].
         speed_mps: (n,) speed of each sample.
 
     Raises:
@@ -242,7 +242,7 @@ def _check_order(vehicle: np.ndarray, time_s: np.ndarray, place: np.ndarray, spe
     usual = gap[same & (gap > 0)]
     if not len(usual):
         return
-    move = np.hypot(*np.diff(place[order], axis=0).T)
+    move = np.hypot(*np.diff(position[order], axis=0).T)
     fast = speed_mps[order][:-1]
     back = same & (gap < 0)
     near = back & (fast > 2) & (move < 3 * fast * float(np.median(usual)))

@@ -93,7 +93,7 @@ def _points(header: dict[str, list[str]], source: str) -> int:
 
 
 def _text(
-    body: bytes, names: list[str], kinds: list[str], counts: list[int], points: int, source: str
+    body: bytes, names: list[str], types: list[str], counts: list[int], points: int, source: str
 ) -> dict[str, np.ndarray]:
     width = sum(counts)
     words = body.split()
@@ -108,7 +108,7 @@ def _text(
     with np.errstate(invalid="ignore", over="ignore"):
         columns = [
             table[:, start : start + count].astype(kind)
-            for start, count, kind in zip(starts[:-1], counts, kinds, strict=True)
+            for start, count, kind in zip(starts[:-1], counts, types, strict=True)
         ]
     return _named(names, counts, columns)
 
@@ -121,14 +121,14 @@ def _is_number(word: bytes) -> bool:
     return True
 
 
-def _unpacked(body: bytes, kinds: list[str], counts: list[int], points: int, source: str) -> list[np.ndarray]:
+def _unpacked(body: bytes, types: list[str], counts: list[int], points: int, source: str) -> list[np.ndarray]:
     """Columns of a compressed file: all of one field after the other."""
     from cosim.point_files.libraries import needed
 
     if len(body) < 8:
         raise _short(source, 0, points)
     packed, unpacked = (int(value) for value in np.frombuffer(body, "<u4", 2))
-    wanted = points * sum(np.dtype(kind).itemsize * count for kind, count in zip(kinds, counts, strict=True))
+    wanted = points * sum(np.dtype(kind).itemsize * count for kind, count in zip(types, counts, strict=True))
     if len(body) - 8 < packed:
         raise PointFileError(
             f"{source}: {len(body) - 8} of {packed} compressed bytes: the file is cut off; copy it again"
@@ -146,7 +146,7 @@ def _unpacked(body: bytes, kinds: list[str], counts: list[int], points: int, sou
     if data is None or len(data) != unpacked:
         raise PointFileError(f"{source}: compressed values unpack to another size: damaged; copy it again")
     columns, place = [], 0
-    for kind, count in zip(kinds, counts, strict=True):
+    for kind, count in zip(types, counts, strict=True):
         size = np.dtype(kind).itemsize * count * points
         columns.append(np.frombuffer(data, kind, points * count, place).reshape(points, count))
         place += size

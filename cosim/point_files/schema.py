@@ -238,11 +238,11 @@ class _Cloud:
         """Column of a role, good rows."""
         return self.columns[role][self.good] if role in self.columns else None
 
-    def without(self, places: Sequence[tuple[float, float, float]]) -> _Cloud:
+    def without(self, positions: Sequence[tuple[float, float, float]]) -> _Cloud:
         """Rows at these places are good no longer."""
-        if not places:
+        if not positions:
             return self
-        return _Cloud(self.stored, self.good & ~_at(self.stored, places), self.columns)
+        return _Cloud(self.stored, self.good & ~_at(self.stored, positions), self.columns)
 
 
 def _roles(samples: Sequence[Columns], options: PointOptions, source: str, notes: list[str]) -> dict[str, str]:
@@ -428,9 +428,9 @@ def _spans_elevations(xyz: np.ndarray) -> bool:
     return float(np.ptp(np.quantile(elevation, [0.1, 0.9]))) > _SPHERE_DEG
 
 
-def _at(xyz: np.ndarray, places: Sequence[tuple[float, float, float]]) -> np.ndarray:
+def _at(xyz: np.ndarray, positions: Sequence[tuple[float, float, float]]) -> np.ndarray:
     found = np.zeros(len(xyz), bool)
-    for place in places:
+    for place in positions:
         found |= (xyz == np.array(place)).all(1)
     return found
 

@@ -182,28 +182,30 @@ def _readable(sources: tuple[Source, ...]) -> tuple[np.ndarray, list[str]]:
     return rows, [note]
 
 
-def _sources(place: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
-    if is_bag(place):
-        sources = bag_sources(place, settings.topic)
-    elif place.is_file() and place.suffix.lower() in OUSTER_SUFFIXES:
-        sources = ouster_sources(place)
-    elif place.is_file():
-        if not suffix_of(place):
-            raise RecordingError(f"{place}: no reader for {place.suffix or 'such files'}; see docs/recordings.md")
-        sources = file_sources([place], settings.points)
+def _sources(folder: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
+    if is_bag(folder):
+        sources = bag_sources(folder, settings.topic)
+    elif folder.is_file() and folder.suffix.lower() in OUSTER_SUFFIXES:
+        sources = ouster_sources(folder)
+    elif folder.is_file():
+        if not suffix_of(folder):
+            raise RecordingError(f"{folder}: no reader for {folder.suffix or 'such files'}; see docs/recordings.md")
+        sources = file_sources([folder], settings.points)
     else:
-        files = find_scans(place, settings.scans)
-        return file_sources(files, settings.points), _rising(find_stamps(place, files), place)
+        files = find_scans(folder, settings.scans)
+        return file_sources(files, settings.points), _rising(find_stamps(folder, files), folder)
     if not sources:
-        raise RecordingError(f"{place}: holds no scan; record longer")
+        raise RecordingError(f"{folder}: holds no scan; record longer")
     stamps = np.array([source.stamp_s for source in sources], np.float64)
-    return sources, _rising(None if np.isnan(stamps).any() else stamps, place)
+    return sources, _rising(None if np.isnan(stamps).any() else stamps, folder)
 
 
-def _rising(stamp_s: np.ndarray | None, place: Path) -> np.ndarray | None:
+def _rising(stamp_s: np.ndarray | None, folder: Path) -> np.ndarray | None:
     if stamp_s is not None and np.any(np.diff(stamp_s) <= 0):
         row = int(np.argmax(np.diff(stamp_s) <= 0)) + 1
-        raise RecordingError(f"{place}: scan {row} is stamped no later than the one before; put scans in order of time")
+        raise RecordingError(
+            f"{folder}: scan {row} is stamped no later than the one before; put scans in order of time"
+        )
     return stamp_s
 
 

@@ -92,11 +92,13 @@ class Plot:
         """Add the area between two lines."""
         self._add("polygon", np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]), f"band {style}")
 
-    def bars(self, places: np.ndarray, values: np.ndarray, width: float, style: str, words: Sequence[str] = ()) -> None:
-        """Add vertical bars centred at `places`, with texts above them."""
-        x0, y0 = self._pixels(places - width / 2, np.full(len(places), self._y.low))
-        x1, y1 = self._pixels(places + width / 2, values)
-        for row in range(len(places)):
+    def bars(
+        self, positions: np.ndarray, values: np.ndarray, width: float, style: str, words: Sequence[str] = ()
+    ) -> None:
+        """Add vertical bars centred at `positions`, with texts above them."""
+        x0, y0 = self._pixels(positions - width / 2, np.full(len(positions), self._y.low))
+        x1, y1 = self._pixels(positions + width / 2, values)
+        for row in range(len(positions)):
             height = max(0.0, float(y0[row] - y1[row]))
             self._parts.append(
                 f'<rect class="bar {style}" x="{x0[row]:.1f}" y="{y0[row] - height:.1f}" '

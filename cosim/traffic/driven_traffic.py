@@ -67,9 +67,9 @@ class DrivenTraffic:
         self.protect(vehicle)
         self._vicinity = Vicinity(self._traffic, vehicle, self._sight_m)
 
-    def attend(self, place: np.ndarray) -> None:
+    def attend(self, position: np.ndarray) -> None:
         """From now on give only those who are near a place (2,) in the town's axes, or act."""
-        self._vicinity = Vicinity(self._traffic, place, self._sight_m)
+        self._vicinity = Vicinity(self._traffic, position, self._sight_m)
 
     def everyone(self, actors: Actors) -> Actors:
         """The actors of the last step, and after them all whom only SUMO moves."""

@@ -63,10 +63,10 @@ def draw_from_above(points: np.ndarray, colours: np.ndarray, plan: GroundPlan) -
 
 
 def draw_outlines(
-    image: np.ndarray, boxes: Boxes, kinds: tuple[str, ...], plan: GroundPlan, thickness: int = 1
+    image: np.ndarray, boxes: Boxes, types: tuple[str, ...], plan: GroundPlan, thickness: int = 1
 ) -> None:
     """Draw boxes with a stroke from the middle out through the front."""
-    for row, kind in enumerate(kinds):
+    for row, kind in enumerate(types):
         colour = class_colour(kind)
         corners = boxes.corners[row, :4, :2]
         front = (corners[0] + corners[3]) / 2
@@ -75,20 +75,20 @@ def draw_outlines(
         draw_path(image, plan.pixels(np.stack([boxes.centre[row, :2], ahead])), colour, thickness)
 
 
-def name_boxes(image: np.ndarray, boxes: Boxes, kinds: tuple[str, ...], plan: GroundPlan) -> None:
+def name_boxes(image: np.ndarray, boxes: Boxes, types: tuple[str, ...], plan: GroundPlan) -> None:
     """Write class and distance next to the boxes within the map, the nearest box first."""
     placer = LabelPlacer(image, _LABEL_PX)
     distance = np.hypot(boxes.centre[:, 0], boxes.centre[:, 1])
     for row in np.argsort(distance, kind="stable"):
         if np.abs(boxes.centre[row, :2]).max() > plan.reach_m:
             continue
-        text = f"{kinds[row]} {distance[row]:.0f} m"
+        text = f"{types[row]} {distance[row]:.0f} m"
         x, y = plan.pixels(boxes.centre[row])
         span = np.ptp(plan.pixels(boxes.corners[row, :4]), axis=0) / 2
         right, low = span[0] + text_size(text, _LABEL_PX)[0] / 2 + 14, span[1] + 22
         near = [(x + right, y), (x - right, y), (x, y - low), (x, y + low)]
         far = [(x + right, y - 26), (x - right, y - 26), (x + right, y + 26), (x - right, y + 26)]
-        placer.place(text, near + far, class_colour(kinds[row]))
+        placer.place(text, near + far, class_colour(types[row]))
 
 
 def _draw_rings(image: np.ndarray, plan: GroundPlan) -> None:

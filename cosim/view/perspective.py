@@ -57,18 +57,18 @@ def draw_perspective(points: np.ndarray, colours: np.ndarray, view: View) -> np.
     return cv2.resize(image, (view.width, view.height), interpolation=cv2.INTER_AREA)
 
 
-def draw_wires(image: np.ndarray, boxes: Boxes, kinds: tuple[str, ...], view: View) -> None:
+def draw_wires(image: np.ndarray, boxes: Boxes, types: tuple[str, ...], view: View) -> None:
     """Draw boxes as wire frames with class and distance above, the nearest named first."""
     corners, distance = boxes.corners, np.linalg.norm(boxes.centre, axis=1)
     near_first = np.argsort(distance, kind="stable")
     for row in near_first[::-1]:
-        draw_segments(image, view.wire(corners[row]), class_colour(kinds[row]))
+        draw_segments(image, view.wire(corners[row]), class_colour(types[row]))
     placer = LabelPlacer(image, 12)
     for row in near_first:
         uv, _ = view.project(corners[row, 4:].mean(0, keepdims=True))
         if view.inside(uv)[0]:
-            text = f"{kinds[row]} {distance[row]:.0f} m"
-            placer.place(text, above(uv[0, 0], uv[0, 1] - 20, step_px=25), class_colour(kinds[row]))
+            text = f"{types[row]} {distance[row]:.0f} m"
+            placer.place(text, above(uv[0, 0], uv[0, 1] - 20, step_px=25), class_colour(types[row]))
 
 
 def _draw_ground_rings(image: np.ndarray, view: View) -> None:

@@ -70,19 +70,19 @@ _RIDDEN = ("motorcycle", "cyclist")
 _RIDERS = ("skin", "hair", "clothing", "clothing_dark", "shoe", "helmet")
 
 
-def semantic_image(images: Images, kinds: tuple[str, ...]) -> np.ndarray:
+def semantic_image(images: Images, types: tuple[str, ...]) -> np.ndarray:
     """Class of every pixel, (h, w) uint8 out of `CLASSES`.
 
     Args:
         images: of one camera.
-        kinds: of the instances it was drawn with.
+        types: of the instances it was drawn with.
     """
     classes = _class_of_material()[images.material]
     moving = np.flatnonzero(images.instance)
     row = images.instance.ravel()[moving].astype(np.int64) - 1
-    of_kind = np.array([CLASSES[KIND_CLASSES[kind]] for kind in kinds], np.uint8)
+    of_kind = np.array([CLASSES[KIND_CLASSES[kind]] for kind in types], np.uint8)
     found = of_kind[row]
-    ridden = np.array([kind in _RIDDEN for kind in kinds], bool)
+    ridden = np.array([kind in _RIDDEN for kind in types], bool)
     rider = ridden[row] & _is_rider()[images.material.ravel()[moving]]
     classes.ravel()[moving] = np.where(rider, np.uint8(CLASSES["rider"]), found)
     return classes

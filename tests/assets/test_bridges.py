@@ -78,7 +78,7 @@ def test_rays_pass_below_a_bridge_and_meet_its_slab_from_below():
     assert distance[1] == pytest.approx(7.0 - 0.9 - 1.7, abs=0.1)
 
 
-def test_railings_stand_along_a_bridge_and_piers_beside_the_road_below():
+def test_railings_are_along_a_bridge_and_piers_next_to_the_road_below():
     mesh = lay_groundwork(OVERPASS).bridges
     railing = mesh.vertices[mesh.vertices[:, 2] > 7.5]
     assert len(railing) and (np.abs(np.abs(railing[:, 0]) - 1.5) < 0.21).all()

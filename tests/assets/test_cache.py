@@ -26,7 +26,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "kept"
 
 
-def test_the_same_arguments_are_asked_for_once(folder):
+def test_the_same_arguments_are_requested_once(folder):
     mesh, keep = build_model("saloon_01"), cached(stretched)
     first = keep(mesh, by=2.0)
     for again in (
@@ -48,7 +48,7 @@ def test_a_damaged_result_is_made_anew(folder):
     assert MADE == [2.0, 2.0]
 
 
-def test_nothing_is_kept_where_nobody_wants_it(tmp_path, monkeypatch):
+def test_nothing_is_cached_without_request(tmp_path, monkeypatch):
     monkeypatch.setenv(FOLDER, "")
     monkeypatch.chdir(tmp_path)
     MADE.clear()

@@ -61,7 +61,7 @@ def test_each_kind_stands_on_the_pavement_and_off_the_road(kind):
     assert not on_road.any()
 
 
-def test_more_props_are_asked_for_more_stand_there():
+def test_more_props_are_requested_more_are_placed():
     counts = [len(_furnished(Environment(props_per_100m={**_NONE, "hydrant": d}))[0].faces) for d in (1.0, 4.0)]
     assert counts[1] > 2 * counts[0]
 

@@ -226,7 +226,7 @@ def test_no_folder_means_no_models() -> None:
         ("cargo_box", "GlassContainer GlassBottle"),
     ],
 )
-def test_names_are_sorted_by_their_last_known_word(material: str, names: str) -> None:
+def test_names_are_sorted_by_their_last_recognised_word(material: str, names: str) -> None:
     assert {name: sort_material(name) for name in names.split()} == dict.fromkeys(names.split(), material)
 
 
@@ -256,7 +256,7 @@ def refused(folder: Path, *entries: dict) -> str:
     return message
 
 
-def test_faults_of_the_manifest_are_told_in_a_line(tmp_path: Path) -> None:
+def test_faults_of_the_manifest_are_reported_in_one_line(tmp_path: Path) -> None:
     write_gltf(tmp_path / "car.glb", car_parts())
     good = {"file": "car.glb", "kind": "car"}
     assert "nobody.glb: no such mesh" in refused(tmp_path, good | {"file": "nobody.glb"})

@@ -41,7 +41,7 @@ def world(scenery):
     return build_world(Streets("road", (lane,), (), (), (), buildings=buildings, trees=trees), seed=1)
 
 
-def test_polygons_are_told_by_their_types(scenery):
+def test_polygons_are_recognised_by_their_types(scenery):
     buildings, trees = scenery
     assert [(one.id, one.height_m) for one in buildings] == [("l", 7.5), ("box", 12.0)]
     assert np.array_equal(buildings[0].outline, L_SHAPE) and len(buildings[1].outline) == 4
@@ -68,7 +68,7 @@ def test_roofs_are_where_the_outline_is_and_as_high_as_said(world):
     assert np.allclose(height[inside & roof], 7.65, atol=0.2)
 
 
-def test_nobody_else_builds_there(world):
+def test_no_other_building_is_there(world):
     roofs = world.mesh.materials == MATERIAL_NAMES.index("roof_flat")
     places = world.mesh.triangles[roofs].reshape(-1, 3)
     assert (shapely.contains_xy(shapely.box(39, -25, 101, 33), *places[:, :2].T.astype(float))).all()

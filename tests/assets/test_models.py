@@ -72,7 +72,7 @@ def test_the_same_name_gives_the_same_bytes(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_surfaces_face_whoever_looks_at_them_from_outside(name):
+def test_surfaces_face_outwards(name):
     mesh, spec = model(name), CATALOGUE[name]
     opaque, glass = mesh.split_glass()
     rng = np.random.default_rng(0)

@@ -27,7 +27,7 @@ def _flat(xy):
 
 
 @pytest.mark.parametrize("name", ["trailer", "skip", "barrier", "scooter", "utility_pole", "glass_banks"])
-def test_things_beside_streets_stand_on_the_ground_and_are_not_all_alike(name):
+def test_objects_next_to_streets_are_on_the_ground_and_differ(name):
     make = getattr(roadside, name)
     one, again, *others = (make(np.random.default_rng(seed)) for seed in (0, 0, 1, 2, 3, 4, 5))
     assert one.bounds[0, 2] == pytest.approx(0, abs=0.06) and len(one.faces) < 300
@@ -50,7 +50,7 @@ def test_climbing_plants_cover_walls_from_outside(style):
 
 
 @pytest.mark.parametrize("style", sorted(STYLES))
-def test_beds_bring_leaves_that_grow_beside_what_is_paved(style):
+def test_beds_bring_leaves_that_grow_next_to_paved_areas(style):
     streets = small_town(style)
     outlines = outline(streets)
     counts = []

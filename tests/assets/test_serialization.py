@@ -50,7 +50,7 @@ def test_other_types_are_refused(value) -> None:
         dumps(value)
 
 
-def test_files_of_other_kinds_are_refused() -> None:
+def test_files_of_other_types_are_refused() -> None:
     whole = dumps({"a": np.zeros(3)})
     for data in (b"", whole[:-40], pickle.dumps(print)):
         with pytest.raises(ValueError):

@@ -223,7 +223,7 @@ def test_the_sheet_of_the_ground_is_one_piece_without_duplicate_faces(world):
     assert mesh.unique_faces().all()
 
 
-def test_a_town_without_pavements_or_signs_still_has_a_whole_road(streets):
+def test_a_town_without_pavements_or_signs_has_a_whole_road(streets):
     lanes = tuple(lane for lane in streets.lanes if lane.use == "drive")
     bare = replace(streets, lanes=lanes, parking=(), stop_lines=())
     xy = points_in(outline(bare).carriageway, 1000)

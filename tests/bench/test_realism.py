@@ -46,7 +46,7 @@ def test_lost_firings_are_counted_where_both_neighbours_lie_on_one_surface(
     assert found.lost[:, 2].sum() == found.lost.sum(), "all of it between 10 and 15 m"
 
 
-def test_a_set_beside_itself_shows_no_difference(tmp_path: Path) -> None:
+def test_a_set_compared_with_itself_shows_no_difference(tmp_path: Path) -> None:
     boxes: Boxes = cars((10, 2, -1), (20, -3, -0.8))
     write_frame(tmp_path, "000000", boxes, ["Car", "Car"])
     found = measure(FrameSet(tmp_path))
@@ -71,7 +71,7 @@ def row(ours: float, real: float) -> Row:
     return Row("share of firings lost", "0–5 m", ours, real)
 
 
-def test_the_distance_is_nought_for_what_is_alike_and_the_logarithm_of_the_ratio_else() -> None:
+def test_the_distance_is_zero_for_equal_values_and_otherwise_the_logarithm_of_the_ratio() -> None:
     assert distance([row(0.2, 0.2), row(0.0, 0.0)]) == 0
     assert distance([row(0.1, 0.2)]) == pytest.approx(np.log(2))
     assert distance([row(0.1, 0.2)]) == pytest.approx(distance([row(0.2, 0.1)])), "symmetric"

@@ -10,7 +10,7 @@ from cosim.traffic.actors import Actors
 
 
 def road_users(
-    kinds: Sequence[str],
+    types: Sequence[str],
     front: np.ndarray | list,
     *,
     sizes: np.ndarray | list | None = None,
@@ -20,12 +20,12 @@ def road_users(
     time_s: float = 0.0,
 ) -> Actors:
     """Actors that hold their course."""
-    n = len(kinds)
+    n = len(types)
     return Actors(
         time_s=time_s,
         ids=tuple(ids) or tuple(f"a{i}" for i in range(n)),
         types=tuple(f"t{i}" for i in range(n)),
-        kinds=tuple(kinds),
+        kinds=tuple(types),
         lanes=("lane",) * n,
         front=np.array(front, float).reshape(n, 3),
         heading_rad=np.broadcast_to(np.asarray(heading_rad, float), n).copy(),

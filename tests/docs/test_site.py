@@ -58,7 +58,7 @@ def test_every_command_and_option_is_on_its_page():
             assert not action.option_strings or f"`{action.option_strings[0]}" in page
 
 
-def test_the_readme_tells_of_every_command():
+def test_the_readme_mentions_every_command():
     readme = (ROOT / "README.md").read_text(encoding="utf-8") + (ROOT / "docs/discrepancy.md").read_text(
         encoding="utf-8"
     )

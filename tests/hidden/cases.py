@@ -193,12 +193,12 @@ class _Seed:
         for group, kinds in ((UNSEEN, FAULTS), (FORM, FORMS)):
             for kind in kinds:
                 for draw in range(_DRAWS[group]):
-                    yield self._case(group, f"{kind}{draw}", kinds=(kind,), level=self._level(group, kind, draw))
+                    yield self._case(group, f"{kind}{draw}", types=(kind,), level=self._level(group, kind, draw))
         for draw in range(_TWOS):
             yield self._case(TWO, str(draw), level=self._level(TWO, "", draw))
         for draw in range(_BESIDES):
             kind = str(self._generator(f"beside{draw}").choice(list(FAULTS)))
-            yield self._case(BESIDE, f"{kind}{draw}", kinds=(kind,), level=self._level(BESIDE, kind, draw))
+            yield self._case(BESIDE, f"{kind}{draw}", types=(kind,), level=self._level(BESIDE, kind, draw))
 
     def _level(self, group: str, kind: str, draw: int) -> str:
         return str(self._generator(f"level {group} {kind} {draw}").choice(LEVELS))
@@ -208,7 +208,7 @@ class _Seed:
         group: str,
         what: str,
         effects: tuple[str, ...] = (),
-        kinds: tuple[str, ...] = (),
+        types: tuple[str, ...] = (),
         level: str = "",
         bases: tuple[Base, ...] = (),
         sensor: str = "",
@@ -222,7 +222,7 @@ class _Seed:
         nuisance = nuisance or str(rng.choice(NUISANCES))
         name = "-".join(part for part in (group, what, level, nuisance, str(self.seed)) if part)
         code = zlib.crc32(name.encode()) % 100_000
-        return Case(name, group, effects, kinds, level, bases, sensor, nuisance, self.frames, code)
+        return Case(name, group, effects, types, level, bases, sensor, nuisance, self.frames, code)
 
     def _bases(self, rng: np.random.Generator) -> tuple[Base, ...]:
         """The seed's base drives in random order: nine towns, each with one pattern, half of them HDL-64E."""

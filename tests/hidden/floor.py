@@ -151,6 +151,6 @@ def _crps(members: np.ndarray, result: np.ndarray, limit: float) -> np.ndarray:
     return np.abs(members - result).mean(0) - spread / (2 * m * (m - 1))
 
 
-def _spurious(told: _Told, surface: Scan) -> float:
-    off = np.abs(told.range_m - surface.range_m) > _CLIP_M
-    return float((told.found & (off | ~surface.found)).sum())
+def _spurious(values: _Told, surface: Scan) -> float:
+    off = np.abs(values.range_m - surface.range_m) > _CLIP_M
+    return float((values.found & (off | ~surface.found)).sum())

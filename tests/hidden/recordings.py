@@ -164,9 +164,9 @@ def diagnosed(case: Case, folder: Path) -> Answer:
     return _answer(told["effects"], told, cpu_s)
 
 
-def _answer(effects: list[dict[str, Any]], told: Mapping[str, Any], cpu_s: float) -> Answer:
-    shapes = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in told["unknowns"]]
-    left = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in told["unexplained"]]
+def _answer(effects: list[dict[str, Any]], values: Mapping[str, Any], cpu_s: float) -> Answer:
+    shapes = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in values["unknowns"]]
+    left = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in values["unexplained"]]
     return Answer(effects, shapes, left, cpu_s)
 
 

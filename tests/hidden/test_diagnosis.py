@@ -19,7 +19,7 @@ def _diagnosed(made: Made) -> dict:
 
 
 @pytest.mark.slow
-def test_nothing_hidden_nothing_found(base: Path, tmp_path: Path) -> None:
+def test_nothing_hidden_nothing_reported(base: Path, tmp_path: Path) -> None:
     found = _diagnosed(make_drive(base, tmp_path / "drive", replace(_SMALL, seed=11)))
     assert found["verdict"] == "none"
     assert found["effects"] == []

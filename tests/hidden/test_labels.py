@@ -9,7 +9,7 @@ import pytest
 from tests.hidden.labels import shrink_labels
 
 
-def test_a_hidden_shrinking_of_labels_is_found(base: Path, tmp_path: Path) -> None:
+def test_a_hidden_shrinking_of_labels_is_detected(base: Path, tmp_path: Path) -> None:
     from cosim.drives.kitti import Drive
     from cosim.labels.bias import diagnose_labels
 

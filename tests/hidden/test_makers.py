@@ -114,7 +114,7 @@ def test_only_road_is_wet(bench: Bench) -> None:
     assert (scan.range_m[below] > bare.range_m[below]).all()
 
 
-def test_who_looks_out_of_a_thing_meets_it(bench: Bench) -> None:
+def test_rays_from_inside_an_object_hit_it(bench: Bench) -> None:
     """As beams do that a wet road mirrors from beneath a car."""
     cars = 0
     for row, thing in enumerate(bench.frame["instances"]):
@@ -174,13 +174,13 @@ def test_order_in_a_truth_does_not_matter(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_noise_laws_have_unit_spread(law: str) -> None:
+def test_noise_distributions_have_unit_variance(law: str) -> None:
     sample = LAWS[law](np.random.default_rng(0), 1_000_000)
     assert np.std(sample) == pytest.approx(1, rel=0.05)
     assert np.mean(sample) == pytest.approx(0, abs=0.01)
 
 
-def test_a_made_drive_tells_its_user_nothing(base: Path, tmp_path: Path) -> None:
+def test_a_made_drive_does_not_reveal_the_truth(base: Path, tmp_path: Path) -> None:
     hidden = replace(_SMALL, noise=True, effects={"range_walk": {"amplitude_m": 0.05, "decay": 4.0}}, frames=1)
     made = make_drive(base, tmp_path / "drive", hidden)
     files = {path.name for path in made.drive.rglob("*")}
@@ -284,7 +284,7 @@ def test_foreign_names_change_no_surface(base: Path, tmp_path: Path, bench: Benc
     np.testing.assert_array_equal(ours[hit], theirs[hit])
 
 
-def test_noise_floor_is_that_of_the_noise_law(base: Path, tmp_path: Path) -> None:
+def test_noise_floor_is_that_of_the_noise_distribution(base: Path, tmp_path: Path) -> None:
     hidden = replace(_SMALL, noise=True, frames=1, range_law="laplace")
     made = make_drive(base, tmp_path / "drive", hidden)
     floor = noise_floor(hidden.truth, made.drive, [0])

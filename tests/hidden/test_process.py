@@ -20,7 +20,7 @@ def test_a_command_that_works_has_a_cost_and_no_trouble(tmp_path: Path) -> None:
     assert ended.cpu_s > 0 and ended.rss_gib > 0.01
 
 
-def test_a_users_mistake_is_told(tmp_path: Path) -> None:
+def test_a_users_mistake_is_reported(tmp_path: Path) -> None:
     ended = Version(_ROOT).run(tmp_path, 60, "compare", tmp_path / "nowhere", "--sensor", "hdl64e")
     assert "nowhere" in ended.trouble and "Traceback" not in ended.trouble
 
@@ -35,7 +35,7 @@ def test_children_count_and_what_takes_too_long_is_stopped(tmp_path: Path) -> No
     assert endless.cpu_s == pytest.approx(1, abs=0.9)
 
 
-def test_another_code_than_the_one_asked_for_is_refused(tmp_path: Path) -> None:
+def test_another_code_than_the_one_requested_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cosim").mkdir()
     (tmp_path / "cosim" / "__init__.py").write_text("")
     (tmp_path / "cosim" / "cli.py").write_text("def main(arguments):\n    raise SystemExit('this one')\n")

@@ -115,7 +115,7 @@ def test_two_unseen_effects_are_reported_when_each_is() -> None:
     assert row["reported_or_listed"] and not row["reported"]
 
 
-def test_a_catalogue_effect_may_say_the_same_or_stand_beside() -> None:
+def test_a_catalogue_effect_may_say_the_same_or_be_additional() -> None:
     weak = Finding(("intensity",), (("ring",),), effects=("ring_gain",), beside=("intensity_noise",))
     row = score(_case(UNSEEN), _answer([_effect("ring_gain"), _effect("intensity_noise")], findings=[weak]))
     assert row["reported"] and row["reported_first"] and not row["has_false"]
@@ -174,7 +174,7 @@ def test_a_measured_shape_counts_before_a_reported_curve() -> None:
     assert (curve_r2(true, _found("range", "range", curve=curve | {"y": (-(x**2)).tolist()})) or 0) < 0
 
 
-def test_a_shape_found_whole_leaves_nothing() -> None:
+def test_a_completely_detected_shape_leaves_nothing() -> None:
     true = np.array([0.0, 1.0, 2.0])
     assert r_squared(true, true) == 1.0
     assert r_squared(true, np.ones(3)) == 0.0

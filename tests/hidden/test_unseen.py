@@ -98,7 +98,7 @@ def test_parameters_and_findings_survive_json(bench: Bench, name: str) -> None:
             assert Finding.from_json(json.loads(json.dumps(finding.to_json()))) == finding
 
 
-def test_most_kinds_can_act_in_any_drive(bench: Bench) -> None:
+def test_most_types_can_act_in_any_drive(bench: Bench) -> None:
     assert sum(bool(bench.draws(name)) for name in FAULTS) >= len(FAULTS) - 3
 
 

@@ -67,7 +67,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["rosette_like_mid40", "at128_like"])
-def test_a_pattern_tells_all_in_its_own_file(name):
+def test_a_pattern_is_defined_in_one_file(name):
     pattern = load_pattern(name)
     again = parse_pattern(pattern.to_yaml(), origin="pattern.yaml")
     assert again == pattern

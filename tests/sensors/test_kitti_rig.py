@@ -29,7 +29,7 @@ def test_the_right_cameras_see_a_point_further_left():
     assert baseline_m == pytest.approx(0.537, abs=0.001)
 
 
-def test_lidar_points_project_alike_by_either_road():
+def test_lidar_points_project_equally_by_either_road():
     points = np.random.default_rng(0).uniform((5, -4, -2), (60, 4, 2), (50, 3))
     calibration, camera = KITTI_CALIBRATION, kitti_cameras(KITTI_CALIBRATION)["image_2"]
     homogeneous = np.c_[points, np.ones(50)]

@@ -76,7 +76,7 @@ def test_a_bad_pattern_is_named_with_its_fault(text, complaint):
     assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_pattern_lists_the_known_ones():
+def test_an_unknown_pattern_lists_the_available_ones():
     with pytest.raises(SensorError, match="hdl64e"):
         load_pattern("hdl65")
 

@@ -73,7 +73,7 @@ def test_the_last_of_65535_keeps_its_number_and_its_material():
     assert len(MATERIALS) < 128  # limit of a pixel next to the number of its instance
 
 
-def test_the_class_table_names_materials_once_and_only_known_ones():
+def test_the_class_table_names_materials_once_and_only_available_ones():
     listed = [name for names in MATERIAL_CLASSES.values() for name in names]
     assert set(listed) <= set(MATERIALS) and len(listed) == len(set(listed))
     assert set(MATERIAL_CLASSES) <= set(CLASSES) and len(set(CLASSES.values())) == len(CLASSES)

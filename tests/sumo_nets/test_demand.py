@@ -23,7 +23,7 @@ def _people(config):
     return {element.get("id"): element.get("type") for element in root}
 
 
-def test_the_population_is_the_one_asked_for(town, tmp_path):
+def test_the_population_is_the_one_requested(town, tmp_path):
     ids = list(_people(write_demand(town, _SMALL, 5, tmp_path)))
     counts = Counter(name.rstrip("0123456789") for name in ids)
     assert counts == {"veh": 30, "parked": 25, "ped": 12}
@@ -44,7 +44,7 @@ def test_no_more_vehicles_park_than_there_are_lots(town, tmp_path):
     assert sum(name.startswith("parked") for name in names) == len(town.streets.parking)
 
 
-def test_kinds_follow_their_shares(town, tmp_path):
+def test_types_follow_their_shares(town, tmp_path):
     shares = KindShares(car=0.5, van=0, truck=0.3, bus=0, motorcycle=0, cyclist=0.2)
     demand = Demand(driving=400, parked=0, walking=0, duration_s=1, kinds=shares)
     kinds = read_types(town.additional).kinds
@@ -85,7 +85,7 @@ def test_draws_stay_within_their_ranges_and_repeat(seed):
     assert drawn.duration_s == usual.duration_s
 
 
-def test_kinds_without_spread_are_the_ones_given():
+def test_types_without_spread_are_the_ones_given():
     kinds = KindShares(car=1, truck=2)
     drawn = DemandConfig(kinds=kinds, kind_spread=0).draw(Demand(), np.random.default_rng(0))
     assert drawn.kinds == kinds

@@ -21,7 +21,7 @@ def test_every_piece_keeps_its_distance_round_a_bend():
     assert shapely.LineString(moved[:, :2]).distance(shapely.LineString(_BEND[:, :2])) == pytest.approx(2)
 
 
-def test_a_part_beside_a_line_never_folds_back():
+def test_an_offset_line_never_folds_back():
     line = np.array([[0.0, 0, 0], [20, 0, 0], [20.1, 0.02, 0], [40, -8, 0]])
     for end in np.linspace(1, 39, 77):
         part = polyline.beside(line, 3, 0, end)

@@ -23,7 +23,7 @@ def _message(path) -> str:
     return str(caught.value)
 
 
-def test_an_unknown_town_is_told_the_known_ones():
+def test_an_unknown_town_lists_the_available_ones():
     known = ", ".join(TOWNS)
     assert _message("town99") == f"town 'town99' does not exist; choose one of {known}, or give the path of a .sumocfg"
 

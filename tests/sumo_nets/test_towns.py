@@ -116,7 +116,7 @@ def _lanes_of_edges(name):
     return {edges.count(edge) for edge in set(edges)}
 
 
-def test_there_are_nine_towns_of_which_no_two_are_alike():
+def test_there_are_nine_towns_that_all_differ():
     assert len(TOWNS) == 9
     nets = {read_town(name).net.read_bytes() for name in TOWNS}
     assert len(nets) == 9

@@ -83,7 +83,7 @@ def test_the_town_is_full_within_a_minute_and_stays_so(plain_run):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TOWNS)
-def test_traffic_still_flows_after_twenty_minutes(name, tmp_path):
+def test_traffic_flows_after_twenty_minutes(name, tmp_path):
     _assert_peaceful(_run(name, 1200, tmp_path), tmp_path)
     steps = ET.parse(tmp_path / "summary.xml").getroot().findall("step")[-30:]
     moving = [float(step.get("meanSpeed")) for step in steps]

@@ -40,7 +40,7 @@ def test_a_drive_is_looked_at_without_naming_a_detector(tiny_drive, tmp_path):
     assert json.loads(told.read_text())["classes"] == ["Car"]
 
 
-def test_the_height_of_a_bare_lidar_is_found_and_its_scans_brought_to_the_height_that_was_learnt(scans):
+def test_the_height_of_a_bare_lidar_is_detected_and_its_scans_brought_to_the_height_that_was_learnt(scans):
     recording = open_recording(scans)
     height = height_above_ground(recording)
     assert height == pytest.approx(2.1, abs=0.02)

@@ -83,7 +83,7 @@ def test_leaving_an_addition_out_puts_back_what_was_there_before(yard):
     assert [one.name for one in without(more, "range_noise").effects] == ["random_dropout"]
 
 
-def test_an_effect_that_hides_the_car_is_worth_all_that_is_found(yard, tmp_path):
+def test_an_effect_that_hides_the_car_costs_all_detections(yard, tmp_path):
     sensor = sensor_file(yard, "blind2.yaml", NOISE, NEARLY_BLIND)
     given = ["compare", yard.drive, "--sensor", sensor, "--detector", "--out", tmp_path, "--json", tmp_path / "c.json"]
     assert main([str(word) for word in (*given, "--quiet")]) == 0
@@ -113,7 +113,7 @@ def biased_yard_unlabelled(tmp_path) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
-def test_a_diagnosis_tells_what_its_findings_are_worth(yard, tmp_path):
+def test_a_diagnosis_reports_the_effect_of_findings_on_detectors(yard, tmp_path):
     biased = make_yard(
         tmp_path / "biased",
         tuple(find_effect(name).model_validate(values) for name, values in (("range_bias", {"offset_m": 0.3}),)),

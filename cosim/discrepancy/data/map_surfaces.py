@@ -76,20 +76,20 @@ class MapSurfaces(SurfelMap):
         square = np.floor(self.centre[:, :2] / self.settings.square_m).astype(int)
         return (square[:, 0] + square[:, 1]) % self.settings.validation_every == 0
 
-    def met(self, place: np.ndarray, instance: np.ndarray) -> np.ndarray:
+    def met(self, position: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam hits; −1 for none.
 
         Args:
-            place: (n, 3) world points of the hits [m]; arbitrary for misses.
+            position: (n, 3) world points of the hits [m]; arbitrary for misses.
             instance: (n,) instance that is hit, −1 for the static world.
         """
-        surface = np.full(len(place), -1)
+        surface = np.full(len(position), -1)
         rows = np.flatnonzero(instance == STATIC)
-        surface[rows] = self.rows_at(place[rows], self.settings.on_plane_m, self.settings.neighbours)
+        surface[rows] = self.rows_at(position[rows], self.settings.on_plane_m, self.settings.neighbours)
         return surface
 
     def compared(
-        self, met: np.ndarray, place: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
+        self, met: np.ndarray, position: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
     ) -> np.ndarray:
         """Mask (n,) of beams that can be compared: no return, or a return close to the surface with or without `moved`.
 
@@ -99,7 +99,7 @@ class MapSurfaces(SurfelMap):
 
         Args:
             met: (n,) rows of the surfaces that are hit.
-            place: (n, 3) world points of the hits [m].
+            position: (n, 3) world points of the hits [m].
             slope: (n,) cosines of incidence.
             measured: (n, 3) world points of the returns [m]; NaN without a return.
             moved: (n, 3) motion of the sensor until the beam was fired that the model does not include [m].
@@ -111,7 +111,7 @@ class MapSurfaces(SurfelMap):
         tolerance = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
         mask = (met >= 0) & self.trusted[row] & ~(distance > tolerance)
         rows = np.flatnonzero(mask)
-        mask[rows] = self.among_points(row[rows], place[rows])
+        mask[rows] = self.among_points(row[rows], position[rows])
         return mask
 
     @cached_property

@@ -54,7 +54,7 @@ def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling)
 def split_of_maps(
     fit: Sequence[Sequence[str]],
     held_out: Sequence[Sequence[str]],
-    places: Mapping[str, np.ndarray],
+    positions: Mapping[str, np.ndarray],
     beams: int,
     settings: Sampling = DEFAULT.sampling,
 ) -> Split:
@@ -67,7 +67,7 @@ def split_of_maps(
     Args:
         fit: for each map, names of the scans it was made from, in order.
         held_out: for each map, names of the other scans in it.
-        places: (3,) position of the sensor by frame name, in the axes of its map [m].
+        positions: (3,) position of the sensor by frame name, in the axes of its map [m].
         beams: number of beams per revolution.
         settings: settings of the split.
     """
@@ -84,10 +84,10 @@ def split_of_maps(
     validation_each = max(settings.map_validation_scans // len(maps), settings.validation_scans_each)
     training, validation = list[str](), list[str]()
     for fit_names, held_out_names in maps:
-        stretch = _select_stretch(fit_names, places, each * settings.apart, settings.as_far)
+        stretch = _select_stretch(fit_names, positions, each * settings.apart, settings.as_far)
         training += _select_evenly(stretch, each)
         validation += _select_evenly(
-            _select_nearest(held_out_names, stretch, places, 2 * validation_each), validation_each
+            _select_nearest(held_out_names, stretch, positions, 2 * validation_each), validation_each
         )
     return Split(tuple(training), tuple(validation))
 
@@ -113,9 +113,11 @@ def _group_by_map(drive: Drive, names: Sequence[str]) -> list[list[str]]:
     return list(by_map.values())
 
 
-def _select_stretch(names: Sequence[str], places: Mapping[str, np.ndarray], most: int, as_far: float) -> Sequence[str]:
+def _select_stretch(
+    names: Sequence[str], positions: Mapping[str, np.ndarray], most: int, as_far: float
+) -> Sequence[str]:
     """Select `most` consecutive names with a long path of the sensor, as close to the middle as possible."""
-    steps = np.linalg.norm(np.diff([places[name] for name in names], axis=0), axis=1)
+    steps = np.linalg.norm(np.diff([positions[name] for name in names], axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     count = min(most, len(names))
     moved = along[count - 1 :] - along[: len(names) - count + 1]
@@ -125,11 +127,11 @@ def _select_stretch(names: Sequence[str], places: Mapping[str, np.ndarray], most
 
 
 def _select_nearest(
-    names: Sequence[str], others: Sequence[str], places: Mapping[str, np.ndarray], most: int
+    names: Sequence[str], others: Sequence[str], positions: Mapping[str, np.ndarray], most: int
 ) -> Sequence[str]:
     """Select the `most` names closest to the middle one of `others`, in order."""
-    middle = places[others[len(others) // 2]]
-    order = sorted(range(len(names)), key=lambda row: float(np.linalg.norm(places[names[row]] - middle)))
+    middle = positions[others[len(others) // 2]]
+    order = sorted(range(len(names)), key=lambda row: float(np.linalg.norm(positions[names[row]] - middle)))
     return [names[row] for row in sorted(order[:most])]
 
 

@@ -16,13 +16,13 @@ from sensors.effects.base import Effect
 
 
 def effect_groups(
-    linearisation: Linearisation, kinds: Sequence[type[Effect]], fixed: Sequence[int], fitted: Sequence[int]
+    linearisation: Linearisation, types: Sequence[type[Effect]], fixed: Sequence[int], fitted: Sequence[int]
 ) -> list[Group]:
     """Build the groups of all candidates that the sensor does not have, and of its own effects that were not fitted.
 
     Args:
         linearisation: linearised model.
-        kinds: candidate effects.
+        types: candidate effects.
         fixed: indices of effects with fixed parameters.
         fitted: indices of effects whose parameters were fitted.
     """
@@ -31,7 +31,7 @@ def effect_groups(
         if index not in fixed and index not in fitted and effect.neutral is not None:
             groups += _other_values(linearisation, index)
     present = {effect.name for effect in effects}
-    for kind in kinds:
+    for kind in types:
         if kind.name not in present and kind.neutral is not None:
             for weak, amplitude, step in weak_forms(kind):
                 groups += _tangents(linearisation, (*effects, weak), Tangent(weak, amplitude, step))

@@ -34,14 +34,14 @@ class Lattice:
 
 
 def find_lattices(
-    fitter: Fitter, fitted: Fitted, kinds: Sequence[type[Effect]], rng: np.random.Generator
+    fitter: Fitter, fitted: Fitted, types: Sequence[type[Effect]], rng: np.random.Generator
 ) -> list[Lattice]:
     """Find rounding of ranges and intensities that is coarser than in the model.
 
     Args:
         fitter: fitter of the sample.
         fitted: current fit of the model.
-        kinds: candidate effects; only rounding effects are tested.
+        types: candidate effects; only rounding effects are tested.
         rng: random generator for sampling the model's noise.
     """
     sample, expected, settings = fitter.sample, fitted.prediction, fitter.settings
@@ -50,7 +50,7 @@ def find_lattices(
         (sample.intensity, expected.intensity, expected.intensity_sigma),
     )
     weight, lattices = sample.share, []
-    for kind in kinds:
+    for kind in types:
         if not issubclass(kind, RoundingEffect):
             continue
         example = kind.model_validate(kind.example)

@@ -179,7 +179,7 @@ def _number_tracks(
     frames: Sequence[TracedFrame],
     frame: np.ndarray,
     instance: np.ndarray,
-    place: np.ndarray,
+    position: np.ndarray,
     azimuth: np.ndarray,
     settings: Sampling,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -188,7 +188,7 @@ def _number_tracks(
     keys = np.zeros((len(frame), 4), int)  # type of track (0 cell, 1 sky, 2 object), and three numbers that identify it
     is_static, is_sky = instance == STATIC, instance == NOTHING
     keys[is_static, 1] = worlds[frame[is_static]]
-    keys[is_static, 2:] = np.floor(place[is_static, :2] / settings.cell_m)
+    keys[is_static, 2:] = np.floor(position[is_static, :2] / settings.cell_m)
     keys[is_sky, 0], keys[is_sky, 1] = 1, np.floor(azimuth[is_sky] / settings.sky_rad)
     is_object = instance >= 0
     keys[is_object, 0], keys[is_object, 1], keys[is_object, 2] = 2, frame[is_object], instance[is_object]
@@ -214,8 +214,8 @@ def _unique_rows(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return keys[first], number
 
 
-def _track_name(key: Sequence[int], frames: Sequence[TracedFrame], places: Sequence[str]) -> str:
+def _track_name(key: Sequence[int], frames: Sequence[TracedFrame], positions: Sequence[str]) -> str:
     kind, first, second, third = key
     if kind == 2:
         return f"#{frames[first].instances.ids[second]}"
-    return f"sky {first}" if kind == 1 else f"{places[first]} {second},{third}"
+    return f"sky {first}" if kind == 1 else f"{positions[first]} {second},{third}"

@@ -180,11 +180,11 @@ class ObjectTable:
         return "; ".join(parts).replace("-", "−")
 
 
-def object_table(kinds: tuple[str, ...], axes: tuple[str, ...], y: np.ndarray) -> ObjectTable:
+def object_table(types: tuple[str, ...], axes: tuple[str, ...], y: np.ndarray) -> ObjectTable:
     """Return the table of measured changes (kinds, 3) [m]; 0 where they are not known."""
     rows = np.nan_to_num(np.asarray(y, float))
     changes = {
-        kind: (_rounded(row[0]), _rounded(row[1]), _rounded(row[2])) for kind, row in zip(kinds, rows, strict=True)
+        kind: (_rounded(row[0]), _rounded(row[1]), _rounded(row[2])) for kind, row in zip(types, rows, strict=True)
     }
     return ObjectTable(changes, axes)
 

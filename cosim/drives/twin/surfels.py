@@ -65,28 +65,28 @@ class SurfelMap:
     def __len__(self) -> int:
         return len(self.centre)
 
-    def rows_at(self, place: np.ndarray, off_m: float, neighbours: int) -> np.ndarray:
+    def rows_at(self, position: np.ndarray, off_m: float, neighbours: int) -> np.ndarray:
         """Row (n,) of the surface that each place (n, 3) lies on; −1 where none.
 
         Args:
-            place: world places.
+            position: world places.
             off_m: across a surface, within which a place lies on it.
             neighbours: nearest surfaces that are asked where that of the place's own cell is not it.
         """
-        found = self._row_in_cell(place, off_m)
+        found = self._row_in_cell(position, off_m)
         rows = np.flatnonzero(found < 0)  # over the rim of a cell
         if len(rows):
-            _, near = self._tree.query(place[rows], k=min(neighbours, len(self)))
+            _, near = self._tree.query(position[rows], k=min(neighbours, len(self)))
             near = near.reshape(len(rows), -1)
-            off = np.einsum("ikj,ikj->ik", place[rows][:, None] - self.centre[near], self.normal[near])
+            off = np.einsum("ikj,ikj->ik", position[rows][:, None] - self.centre[near], self.normal[near])
             on = np.abs(off) < off_m
             best = on.argmax(1)  # the nearest of those whose plane it lies on
             found[rows] = np.where(on.any(1), near[np.arange(len(rows)), best], -1)
         return found
 
-    def among_points(self, row: np.ndarray, place: np.ndarray) -> np.ndarray:
+    def among_points(self, row: np.ndarray, position: np.ndarray) -> np.ndarray:
         """(n,) bool: whether places (n, 3) lie among the points that the surfaces of some rows (n,) were made of."""
-        rest, found = place - self.centre[row], np.ones(len(row), bool)
+        rest, found = position - self.centre[row], np.ones(len(row), bool)
         for side in range(_SIDES):
             found &= np.einsum("ij,ij->i", rest, self._sides[row, side]) <= self.reach_m[row, side]
         return found
@@ -106,13 +106,13 @@ class SurfelMap:
             noise = max(float(np.polyfit([float(np.mean(square[mine])) for mine in used], lower, 1)[0]), 0.0)
         return np.sqrt(np.maximum(variance - noise * square, least**2 * variance))
 
-    def _row_in_cell(self, place: np.ndarray, off_m: float) -> np.ndarray:
+    def _row_in_cell(self, position: np.ndarray, off_m: float) -> np.ndarray:
         """Row (n,) of the surface in the cell of each place, if that lies on its plane; −1 elsewhere."""
         cells, order = self._cells
-        cell = cell_keys(place, self.cell_m)
+        cell = cell_keys(position, self.cell_m)
         at = np.minimum(np.searchsorted(cells, cell), len(self) - 1)
         row = order[at]
-        off = np.einsum("ij,ij->i", place - self.centre[row], self.normal[row])
+        off = np.einsum("ij,ij->i", position - self.centre[row], self.normal[row])
         return np.where((cells[at] == cell) & (np.abs(off) < off_m), row, -1)
 
     @cached_property

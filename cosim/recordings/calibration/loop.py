@@ -163,7 +163,7 @@ def calibrate(
 def _round(
     prepared: Prepared,
     folder: Path,
-    place: Path,
+    round_folder: Path,
     before: Path,
     along: Sequence[str],
     number: int,
@@ -174,22 +174,28 @@ def _round(
 ) -> Round:
     """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along."""
     begun_s = time.process_time()
-    shutil.rmtree(place / "twin", ignore_errors=True)  # of a run that was stopped
+    shutil.rmtree(round_folder / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
     twin = write_map_twin(
-        prepared, place / "twin", place / _SEGMENTS, sensor.effects, sampled=True, engine=engine, on_step=on_step
+        prepared,
+        round_folder / "twin",
+        round_folder / _SEGMENTS,
+        sensor.effects,
+        sampled=True,
+        engine=engine,
+        on_step=on_step,
     )
-    write_page(place / "map", format_map(twin))
-    found = diagnose(place / "twin", sensor, settings=settings, refitted=along, on_progress=on_step)
-    after = found.write_sensor(place / "sensor.yaml")
+    write_page(round_folder / "map", format_map(twin))
+    found = diagnose(round_folder / "twin", sensor, settings=settings, refitted=along, on_progress=on_step)
+    after = found.write_sensor(round_folder / "sensor.yaml")
     words = Vocabulary([type(one) for one in found.sensor.effects])
-    page = format_diagnosis(found, words, str(place / "twin"), str(before), explored_of(found))
-    write_page(place / "diagnosis", page)
+    page = format_diagnosis(found, words, str(round_folder / "twin"), str(before), explored_of(found))
+    write_page(round_folder / "diagnosis", page)
     is_last = last or not is_moved(found, sensor.effects)
     transfers = step_transfers(found)
     judgement = Judgement(
         transfers=[asdict(one) for one in transfers],
-        accepted=_said(_write_accepted(found, sensor.effects, transfers, place), folder),
+        accepted=_said(_write_accepted(found, sensor.effects, transfers, round_folder), folder),
         limits=path_limits(prepared.path),
         sweep_scale=prepared.sweep_scale,
         directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
@@ -199,8 +205,8 @@ def _round(
     told = round_of(
         number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
     )
-    told.write(place)
-    for copies in (twin.folder / "velodyne", twin.folder / "rays", place / _SEGMENTS):  # of what is elsewhere
+    told.write(round_folder)
+    for copies in (twin.folder / "velodyne", twin.folder / "rays", round_folder / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
     return told
 
@@ -227,14 +233,16 @@ def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> li
     return [one.as_json() for one in advice]
 
 
-def _write_accepted(diagnosis: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], place: Path) -> Path:
+def _write_accepted(
+    diagnosis: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], folder: Path
+) -> Path:
     """Write the sensor without the findings that do not lower the error of untouched scans, and scores of both models.
 
     Args:
         diagnosis: the diagnosis.
         before: effects of the sensor as given: a finding that changes one of these and is rejected leaves it as it was.
         transfers: of the findings.
-        place: folder of the round.
+        folder: folder of the round.
     """
     rejected = {one.effect for one in transfers if not one.is_accepted}
     pairs, sensor = diagnosis.frame_pairs, diagnosis.sensor
@@ -247,8 +255,8 @@ def _write_accepted(diagnosis: Diagnosis, before: Sequence[Effect], transfers: S
         sensor = SensorModel(sensor.pattern, effects, sensor.origin)
         accepted = pairs.align(effects)
     unknowns = tuple(one for one in diagnosis.unknowns if one.name not in rejected)
-    file = replace(diagnosis, sensor=sensor, unknowns=unknowns).write_sensor(place / "accepted.yaml")
-    write_scores(place / SCORES, {"given": aligned_scores(pairs.before), "accepted": aligned_scores(accepted)})
+    file = replace(diagnosis, sensor=sensor, unknowns=unknowns).write_sensor(folder / "accepted.yaml")
+    write_scores(folder / SCORES, {"given": aligned_scores(pairs.before), "accepted": aligned_scores(accepted)})
     return file
 
 

@@ -164,7 +164,7 @@ def is_moved(diagnosis: Diagnosis, before: Sequence[Effect]) -> bool:
     return any(_moves(one, before) for one in rows)
 
 
-def widened(name: str, told: Mapping[str, Any], before: Sequence[Effect]) -> dict[str, Any]:
+def widened(name: str, values: Mapping[str, Any], before: Sequence[Effect]) -> dict[str, Any]:
     """Intervals that allow for the part of an effect that the map absorbs, so that estimates are too small.
 
     Points were freed of the effect as far as it was known, of nothing at first. So amplitudes may lie farther beyond
@@ -172,16 +172,16 @@ def widened(name: str, told: Mapping[str, Any], before: Sequence[Effect]) -> dic
 
     Args:
         name: of the effect.
-        told: `params` and `ci95` of the finding.
+        values: `params` and `ci95` of the finding.
         before: effects of the sensor that the map was made with.
     """
-    wider = dict(told["ci95"])
+    wider = dict(values["ci95"])
     if not moves_points(name):
         return wider
     kind = effect_classes()[name]
     undone = next((vars(one) for one in before if one.name == name), kind.neutral or {})
     for amplitude in wider.keys() & set(amplitudes(kind)):
-        value, pair = np.asarray(told["params"][amplitude], float), np.asarray(wider[amplitude], float)
+        value, pair = np.asarray(values["params"][amplitude], float), np.asarray(wider[amplitude], float)
         left = _TAKEN_UP * (value - np.resize(undone[amplitude], value.shape))
         wider[amplitude] = np.stack(
             [pair[..., 0] + np.minimum(left, 0), pair[..., 1] + np.maximum(left, 0)], -1

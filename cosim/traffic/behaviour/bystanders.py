@@ -298,10 +298,10 @@ def _driving(motion: Motion, actors: Actors) -> Actors:
     return replace(driving, front=np.column_stack([front, driving.front[:, 2]]), heading_rad=heading)
 
 
-def _blocked(place: np.ndarray, person: _Person, driving: Actors) -> bool:
+def _blocked(position: np.ndarray, person: _Person, driving: Actors) -> bool:
     """Return whether a person at a position (1, 2) would touch one of the moving vehicles."""
-    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - place).T) < _BODY_REACH_M).tolist()
-    centre = np.concatenate([place, [_middle(driving, row) for row in near]]) if len(near) else place
+    near = np.flatnonzero(np.hypot(*(driving.front[:, :2] - position).T) < _BODY_REACH_M).tolist()
+    centre = np.concatenate([position, [_middle(driving, row) for row in near]]) if len(near) else position
     room = np.full((1, 2), max(person.size[:2]) + _ELBOW_M)
     heading = np.concatenate([np.zeros(1), driving.heading_rad[near]])
     found = overlaps(centre, heading, np.concatenate([room, driving.size[near, :2]]))

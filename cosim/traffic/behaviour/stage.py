@@ -97,7 +97,7 @@ class Stage:
         """Whether an incident of a rate in the whole town falls into this step, and to those among `actors`."""
         return per_min > 0 and bool(rng.random() < per_min / 60 * self.step_s * self.share)
 
-    def boxes_near(self, place: np.ndarray, but: str) -> np.ndarray:
+    def boxes_near(self, position: np.ndarray, but: str) -> np.ndarray:
         """Boxes (k, 5) of vehicles near a position (2,) and of people next to them: x, y, heading, length, width.
 
         Without one vehicle.
@@ -105,7 +105,7 @@ class Stage:
         actors = self.actors
         walks = np.array([kind == "pedestrian" for kind in actors.kinds], bool)
         centre = actors.front[:, :2] - actors.to_front(actors.heading_rad)
-        near = np.hypot(*(centre - place).T) < NEAR_M
+        near = np.hypot(*(centre - position).T) < NEAR_M
         near &= ~walks | np.array([not lane for lane in actors.lanes], bool)
         if but in self.rows:
             near[self.rows[but]] = False

@@ -151,15 +151,15 @@ class UTurns:
         row: int,
         lane: Lane,
         back: Lane,
-        place: np.ndarray,
+        position: np.ndarray,
         heading: float,
         only_parked: bool,
     ) -> Script | None:
         actors = stage.actors
-        _, beside = lane.project(place)
-        _, across = back.project(place)
-        boxes = stage.boxes_near(place, actors.ids[row])
-        boxes = in_axes(boxes, place, heading)
+        _, beside = lane.project(position)
+        _, across = back.project(position)
+        boxes = stage.boxes_near(position, actors.ids[row])
+        boxes = in_axes(boxes, position, heading)
         right = -(lane.width_m / 2 + beside + stage.roads.right_room(lane.edge)) + _KERB_M
         outer = sum(other.width_m for other in stage.roads.of_edge[back.edge]) - back.width_m / 2
         left = across + outer + stage.roads.right_room(back.edge) - _KERB_M
@@ -168,7 +168,7 @@ class UTurns:
         for over in (0.0, _OVER_KERB_M):
             room = Room(right_m=right - over, left_m=left + over, goal_m=across, boxes=boxes)
             try:
-                return plan_turn(place, heading, actors.kinds[row], actors.size[row], room, stage.step_s)
+                return plan_turn(position, heading, actors.kinds[row], actors.size[row], room, stage.step_s)
             except TurnError:
                 continue
         return None

@@ -44,9 +44,9 @@ class Chassis:
         return Chassis(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @classmethod
-    def of(cls, kinds: tuple[str, ...], length_m: np.ndarray) -> Chassis:
+    def of(cls, types: tuple[str, ...], length_m: np.ndarray) -> Chassis:
         """The chassis of vehicles of given kinds and lengths (n,)."""
-        build = np.array([_BUILD[kind] for kind in kinds], float).reshape(-1, 3)
+        build = np.array([_BUILD[kind] for kind in types], float).reshape(-1, 3)
         wheelbase = build[:, 1] * length_m
         return cls(
             rear_m=build[:, 0] * length_m,

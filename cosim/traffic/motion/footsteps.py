@@ -31,9 +31,9 @@ class Footsteps:
         """Forget them: the way back has been driven."""
         self._poses.clear()
 
-    def back(self, place: np.ndarray, heading_rad: float, way_m: float, hold_steps: int) -> Script | None:
+    def back(self, position: np.ndarray, heading_rad: float, way_m: float, hold_steps: int) -> Script | None:
         """The way back from a place (2,), at walking pace, and a rest; None where it is too short."""
-        line = np.array([(*place.tolist(), heading_rad), *reversed(self._poses)]).reshape(-1, 3)
+        line = np.array([(*position.tolist(), heading_rad), *reversed(self._poses)]).reshape(-1, 3)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
         line[:, 2] = np.unwrap(line[:, 2])
         end = min(way_m, float(way[-1]))

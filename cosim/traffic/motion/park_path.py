@@ -19,7 +19,7 @@ def plan_backing_in(
     heading_rad: float,
     kind: str,
     size: np.ndarray,
-    place: np.ndarray,
+    position: np.ndarray,
     askew_rad: float,
     boxes: np.ndarray,
     margin_m: float,
@@ -35,7 +35,7 @@ def plan_backing_in(
         heading_rad: along the kerb.
         kind: of vehicle.
         size: (3,) length, width, height [m].
-        place: (2,) final position of the front bumper, in axes at `front`, x along the kerb.
+        position: (2,) final position of the front bumper, in axes at `front`, x along the kerb.
         askew_rad: heading at the start, against the kerb.
         boxes: (k, 5) others, in the same axes: x, y, heading, length, width.
         margin_m: kept free of them.
@@ -47,7 +47,7 @@ def plan_backing_in(
     chassis = Chassis.of((kind,), np.array([size[0]]))
     rear_m, most = float(chassis.rear_m[0]), float(chassis.max_curvature_per_m[0])
     for lock in _LOCKS:
-        way = _way(lock * most, rear_m, place, askew_rad)
+        way = _way(lock * most, rear_m, position, askew_rad)
         if way is None:
             continue
         axle = np.concatenate(way)
@@ -62,13 +62,13 @@ def plan_backing_in(
     return None
 
 
-def _way(curvature: float, rear_m: float, place: np.ndarray, askew: float) -> list[np.ndarray] | None:
+def _way(curvature: float, rear_m: float, position: np.ndarray, askew: float) -> list[np.ndarray] | None:
     """Rear-axle poses (k, 3) forwards, and along both arcs backwards; None where these cannot lead to the place."""
-    begin, goal_x = -rear_m * np.array([np.cos(askew), np.sin(askew)]), place[0] - rear_m
+    begin, goal_x = -rear_m * np.array([np.cos(askew), np.sin(askew)]), position[0] - rear_m
     begin = np.array([begin[0], begin[1]])
     past = 0.0
     for _ in range(3):  # a rotated vehicle gets closer to the kerb as it passes, or farther away
-        aside = begin[1] + past * np.sin(askew) - place[1]
+        aside = begin[1] + past * np.sin(askew) - position[1]
         cosine = (1 + np.cos(askew) - curvature * aside) / 2
         if not _STEEPEST < cosine < 1:
             return None

@@ -17,12 +17,12 @@ class Trail:
         heading_rad: the way it came before that.
     """
 
-    def __init__(self, place: np.ndarray, heading_rad: float) -> None:
-        back = place - _LONGEST_M * np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    def __init__(self, position: np.ndarray, heading_rad: float) -> None:
+        back = position - _LONGEST_M * np.array([np.cos(heading_rad), np.sin(heading_rad)])
         self._places = np.empty((_ROOM, 2))
-        self._places[:3] = back, place, place
+        self._places[:3] = back, position, position
         self._first, self._end = 0, 2  # the newest one is at the end
-        self._last = self._second = tuple(place.tolist())
+        self._last = self._second = tuple(position.tolist())
 
     def add(self, x: float, y: float) -> None:
         """Go on to a place."""
@@ -49,13 +49,13 @@ class Trail:
         direction = piece[i] / max(length[i], 1e-9)
         return line[i] - over * direction, float(np.arctan2(direction[1], direction[0]))
 
-    def nearest(self, place: np.ndarray) -> float:
+    def nearest(self, position: np.ndarray) -> float:
         """How far back along the way it comes nearest to a place (2,) [m]."""
         line = self._line()
         piece = line[1:] - line[:-1]
         square = np.einsum("ij,ij->i", piece, piece)
-        share = np.clip(np.einsum("ij,ij->i", place - line[:-1], piece) / np.maximum(square, 1e-12), 0, 1)
-        away = line[:-1] + share[:, None] * piece - place
+        share = np.clip(np.einsum("ij,ij->i", position - line[:-1], piece) / np.maximum(square, 1e-12), 0, 1)
+        away = line[:-1] + share[:, None] * piece - position
         i = int(np.argmin(np.einsum("ij,ij->i", away, away)))
         length = np.sqrt(square)
         return float(length[:i].sum() + share[i] * length[i])

@@ -81,10 +81,10 @@ def heights_of(tracks: RoadTracks, lanes: LanePoints) -> np.ndarray:
     return z
 
 
-def _range_of_heights(lanes: LanePoints, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _range_of_heights(lanes: LanePoints, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest lane (n,) near each place."""
     count = min(_NEIGHBOURS, len(lanes.points))
-    near = lanes.tree.query(places, k=count, distance_upper_bound=_BESIDE_M)[1].reshape(len(places), count)
+    near = lanes.tree.query(positions, k=count, distance_upper_bound=_BESIDE_M)[1].reshape(len(positions), count)
     heights = np.append(lanes.points[:, 2], np.nan)[near]
     none = np.isnan(heights).all(1)
     heights[none] = 0.0
@@ -112,15 +112,15 @@ def _follow(tracks: RoadTracks, rows: np.ndarray, known: np.ndarray, lanes: Lane
     return height[np.arange(len(rows)), chosen]
 
 
-def _height_along(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+def _height_along(points: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Height of a line at the points next to places, interpolated."""
     start, way = points[:-1], np.diff(points, axis=0)
     length = np.maximum((way[:, :2] ** 2).sum(1), 1e-12)
-    share = np.einsum("nkd,kd->nk", places[:, None] - start[None, :, :2], way[:, :2]) / length
+    share = np.einsum("nkd,kd->nk", positions[:, None] - start[None, :, :2], way[:, :2]) / length
     share = np.clip(share, 0, 1)
     foot = start[None] + share[..., None] * way[None]
-    nearest = ((foot[..., :2] - places[:, None]) ** 2).sum(-1).argmin(1)
-    return foot[np.arange(len(places)), nearest, 2]
+    nearest = ((foot[..., :2] - positions[:, None]) ** 2).sum(-1).argmin(1)
+    return foot[np.arange(len(positions)), nearest, 2]
 
 
 def _dense(centre: np.ndarray) -> np.ndarray:

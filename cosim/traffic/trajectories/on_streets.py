@@ -85,11 +85,11 @@ def _driven(tracks: RoadTracks) -> tuple[np.ndarray, np.ndarray]:
     return middle[far], move[far] / way[far, None]
 
 
-def _agreement(places: np.ndarray, moves: np.ndarray, tree: KDTree, ways: np.ndarray) -> float:
+def _agreement(positions: np.ndarray, moves: np.ndarray, tree: KDTree, ways: np.ndarray) -> float:
     """Share of ways along the nearest lane less the share of ways against it."""
-    if not len(places):
+    if not len(positions):
         return 0.0
-    nearest = tree.query(places, distance_upper_bound=_ON_LANE_M)[1]
+    nearest = tree.query(positions, distance_upper_bound=_ON_LANE_M)[1]
     padded = np.concatenate([ways, np.full((1, 2), np.nan)])
     cosine = np.nan_to_num(np.einsum("nd,nd->n", padded[nearest], moves))
     return float((cosine > _ALONG).mean() - (cosine < -_ALONG).mean())

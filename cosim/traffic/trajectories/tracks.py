@@ -167,9 +167,9 @@ def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, 
     )
 
 
-def _check_numbers(path: Path, samples: Sequence[Sample], time_s: np.ndarray, place: np.ndarray) -> None:
-    sound = (np.abs(time_s) < _LARGEST) & (np.abs(place[:, :2]) < _LARGEST).all(1)
-    bad = np.flatnonzero(~(sound & ~(np.abs(place[:, 2]) >= _LARGEST)))
+def _check_numbers(path: Path, samples: Sequence[Sample], time_s: np.ndarray, position: np.ndarray) -> None:
+    sound = (np.abs(time_s) < _LARGEST) & (np.abs(position[:, :2]) < _LARGEST).all(1)
+    bad = np.flatnonzero(~(sound & ~(np.abs(position[:, 2]) >= _LARGEST)))
     if len(bad):
         one = samples[int(bad[0])]
         raise TrajectoryError(
@@ -184,8 +184,8 @@ def _check_order(path: Path, name: str, time_s: np.ndarray) -> None:
         raise TrajectoryError(f"{path}: {name!r} has two samples at {time_s[twice[0]]:g} s; keep one")
 
 
-def _check_way(path: Path, name: str, time_s: np.ndarray, place: np.ndarray) -> None:
-    step, way = np.diff(time_s), np.linalg.norm(np.diff(place[:, :2], axis=0), axis=1)
+def _check_way(path: Path, name: str, time_s: np.ndarray, position: np.ndarray) -> None:
+    step, way = np.diff(time_s), np.linalg.norm(np.diff(position[:, :2], axis=0), axis=1)
     bad = np.flatnonzero((step <= GAP_S) & (way > _FASTEST_MPS * step + _JITTER_M))
     if len(bad):
         row = int(bad[0])
@@ -195,13 +195,13 @@ def _check_way(path: Path, name: str, time_s: np.ndarray, place: np.ndarray) -> 
         )
 
 
-def _headings(place: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _headings(position: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Headings without jumps; where they are unknown, the direction of the way."""
     if np.isfinite(given).all():
         return np.unwrap(given)
     found = given.copy()
     for row in np.flatnonzero(~np.isfinite(given)):
-        found[row] = _course(place, int(row))
+        found[row] = _course(position, int(row))
     if not np.isfinite(found).any():
         return np.zeros(len(found))
     known = np.flatnonzero(np.isfinite(found))
@@ -209,9 +209,9 @@ def _headings(place: np.ndarray, given: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(len(found)), known, unrolled)
 
 
-def _course(place: np.ndarray, row: int) -> float:
+def _course(position: np.ndarray, row: int) -> float:
     """Direction of motion around a sample; NaN for stationary road users."""
-    away = np.linalg.norm(place - place[row], axis=1)
+    away = np.linalg.norm(position - position[row], axis=1)
     far = away > _MOVES_M
     after = np.flatnonzero(far[row:])
     before = np.flatnonzero(far[: row + 1])
@@ -219,12 +219,12 @@ def _course(place: np.ndarray, row: int) -> float:
     end = row + int(after[0]) if len(after) else row
     if start == end:
         return float("nan")
-    east, north = place[end] - place[start]
+    east, north = position[end] - position[start]
     return float(np.arctan2(north, east))
 
 
-def _speeds(time_s: np.ndarray, place: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _speeds(time_s: np.ndarray, position: np.ndarray, given: np.ndarray) -> np.ndarray:
     if np.isfinite(given).all() or len(time_s) < 2:
         return np.nan_to_num(given)
-    measured = np.linalg.norm(np.gradient(place, time_s, axis=0), axis=1)
+    measured = np.linalg.norm(np.gradient(position, time_s, axis=0), axis=1)
     return np.where(np.isfinite(given), given, measured)

@@ -99,7 +99,7 @@ def _log_frame(rr: Any, root: str, drive: Drive, frame: Frame, scale: Scale) -> 
             rr.log(f"{lidar}/{part}", rr.Clear(recursive=False))  # or the last frame's would stay
 
 
-def _log_boxes(rr: Any, path: str, boxes: Boxes, kinds: tuple[str, ...]) -> None:
+def _log_boxes(rr: Any, path: str, boxes: Boxes, types: tuple[str, ...]) -> None:
     turn = np.stack([0 * boxes.yaw, 0 * boxes.yaw, np.sin(boxes.yaw / 2), np.cos(boxes.yaw / 2)], -1)
     rr.log(
         path,
@@ -107,8 +107,8 @@ def _log_boxes(rr: Any, path: str, boxes: Boxes, kinds: tuple[str, ...]) -> None
             centers=boxes.centre,
             half_sizes=boxes.size / 2,
             quaternions=turn,
-            labels=list(kinds),
-            colors=np.array([class_colour(kind) for kind in kinds], np.uint8).reshape(-1, 3),
+            labels=list(types),
+            colors=np.array([class_colour(kind) for kind in types], np.uint8).reshape(-1, 3),
         ),
     )
 

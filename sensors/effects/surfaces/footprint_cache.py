@@ -86,15 +86,15 @@ class FootprintCache:
             columns = _with_rows(columns, rows, anew)
         return Surface(**columns)
 
-    def _traced(self, radius_rad: float, place: int) -> Surface:
+    def _traced(self, radius_rad: float, position: int) -> Surface:
         """Surfaces at a radius between known ones: by new rays where these do not agree."""
-        below, onward = self._met[place - 1], self._rays(radius_rad)
+        below, onward = self._met[position - 1], self._rays(radius_rad)
         columns = {name: getattr(below, name) for name in ("range_m", "normal_code", "material", "instance")}
         agreed = np.zeros(len(onward), bool)
-        if place < len(self._radii) and self._radii[place] - self._radii[place - 1] <= _APART_RAD:
-            above = self._met[place]
-            agreed = self._on_one_face(place)
-            share = (radius_rad - self._radii[place - 1]) / (self._radii[place] - self._radii[place - 1])
+        if position < len(self._radii) and self._radii[position] - self._radii[position - 1] <= _APART_RAD:
+            above = self._met[position]
+            agreed = self._on_one_face(position)
+            share = (radius_rad - self._radii[position - 1]) / (self._radii[position] - self._radii[position - 1])
             with np.errstate(divide="ignore"):
                 # Along a line over a plane the inverse of the range is linear.
                 columns["range_m"] = (1 / ((1 - share) / below.range_m + share / above.range_m)).astype(np.float32)
@@ -103,13 +103,13 @@ class FootprintCache:
         anew = self._world.shoot(self._origin[of], onward[rows], self._time_s[of], self._limit_m)
         return Surface(**_with_rows(columns, rows, anew))
 
-    def _on_one_face(self, place: int) -> np.ndarray:
+    def _on_one_face(self, position: int) -> np.ndarray:
         """(4 · k) bool: samples that meet one face at a known radius and at the one before."""
-        below, above = self._met[place - 1], self._met[place]
+        below, above = self._met[position - 1], self._met[position]
         turned = np.abs(below.normal_code.astype(np.int32) - above.normal_code).max(1)
         same = (turned < TURNED) & (below.material == above.material) & (below.instance == above.instance)
         toward, onward = (
-            dot_with_normals(below.normal_code, self._rays(self._radii[row])) for row in (place - 1, place)
+            dot_with_normals(below.normal_code, self._rays(self._radii[row])) for row in (position - 1, position)
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             foreseen = below.range_m * (toward / onward)

@@ -35,7 +35,7 @@ def test_nothing_moved_is_kitti_to_the_last_digit():
         assert np.array_equal(getattr(Mounts().calibration, name), matrix)
 
 
-def test_pitch_looks_down_and_yaw_to_the_left():
+def test_pitch_is_downwards_and_yaw_to_the_left():
     ahead = Mount(x_m=0, z_m=2, pitch_deg=10, yaw_deg=90).pose[:3, 0]
     assert ahead == pytest.approx([0, np.cos(np.radians(10)), -np.sin(np.radians(10))])
 
@@ -49,7 +49,7 @@ def test_a_mount_in_the_bodywork_is_refused_in_one_line(tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_twin_and_calibration_tell_the_same_place_of_the_camera(drive):
+def test_twin_and_calibration_give_the_same_position_of_the_camera(drive):
     for frame in drive:
         by_calibration = frame.twin.lidar.pose_ego @ frame.calibration.rect_to_velo_matrix
         assert np.allclose(frame.twin.cameras["image_2"].pose_ego, by_calibration, atol=1e-6)
@@ -82,7 +82,7 @@ def test_labels_are_the_twins_boxes_and_project_into_their_image_boxes(drive):
     assert found > 0
 
 
-def test_gps_errs_as_it_is_told_and_the_twin_does_not(drive):
+def test_gps_errs_as_is_requested_and_the_twin_does_not(drive):
     off = [frame.oxts.pose[:3, 3] - frame.twin.ego.pose[:3, 3] for frame in drive]
     assert all(0.01 < np.linalg.norm(one) < 12 for one in off)
     assert np.linalg.norm(np.std(off, axis=0)) < 2.5  # noise about one bias

@@ -31,7 +31,7 @@ def test_towns_take_turns_and_share_the_frames_evenly():
     assert len(counts) == 9 and set(counts.values()) == {100}
 
 
-def test_few_frames_still_visit_every_town():
+def test_few_frames_visit_every_town():
     plans = plan_episodes(RunConfig(town=("town01", "town02"), frames=10, frames_per_episode=25))
     assert [(plan.town, len(plan.frames)) for plan in plans] == [("town01", 5), ("town02", 5)]
 
@@ -83,7 +83,7 @@ def test_an_ego_that_is_gone_ends_the_episode():
     assert watch.end_reason(gone) == "the ego vehicle left the road"
 
 
-def test_the_rig_turns_as_widely_as_asked_and_only_if_asked():
+def test_the_rig_turns_as_widely_as_requested_and_only_on_request():
     rng = np.random.default_rng(0)
     assert (RigJitter().draw(rng) == np.eye(3)).all()
     jitter = RigJitter(enabled=True, mean_pitch_deg=0, roll_deg=1.5, pitch_deg=0.5, yaw_deg=4.0)
@@ -95,7 +95,7 @@ def test_the_rig_turns_as_widely_as_asked_and_only_if_asked():
     assert [pitch.std(), roll.std(), yaw.std()] == pytest.approx([0.5, 1.5, 4.0], rel=0.06)
 
 
-def test_the_rig_stands_as_the_measured_one_by_default_and_as_the_published_code_has_it_if_asked():
+def test_the_rig_has_the_pose_of_the_measured_one_by_default_and_as_the_published_code_has_it_on_request():
     rng = np.random.default_rng(0)
     nose_down = [-np.degrees(np.arcsin(RigJitter(enabled=True).draw(rng)[2, 0])) for _ in range(2000)]
     assert np.mean(nose_down) == pytest.approx(0.5, abs=0.05)

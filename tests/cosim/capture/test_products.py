@@ -29,7 +29,7 @@ def stereo(run_config, tmp_path_factory) -> Drive:
     return Drive(made_once(tmp_path_factory, "stereo", make) / "drive")
 
 
-def test_only_what_is_asked_for_is_there(stereo):
+def test_only_what_is_requested_is_there(stereo):
     for product in (f"{kind}_{camera}" for kind in ("image", "depth", "semantic", "instance") for camera in range(4)):
         folder = stereo.root / product
         assert (product in WANTED) == folder.is_dir(), product

@@ -164,13 +164,13 @@ def test_variants_of_a_lidar_measure_what_it_measured(three, tmp_path):
         assert np.array_equal(made[frame.name].image("image_2"), frame.image("image_2"))
 
 
-def test_a_comparison_takes_the_lidar_it_is_told(three, tmp_path):
+def test_a_comparison_takes_the_lidar_is_requested(three, tmp_path):
     sensor = three / "lidars/back/sensor.yaml"
     cosim("compare", three, "--lidar", "back", "--sensor", sensor, "--out", tmp_path, "--json", tmp_path / "c.json")
     assert yaml.safe_load((tmp_path / "c.json").read_text())["error"] < 0.05
 
 
-def test_a_mast_stands_still_beside_the_road(mast):
+def test_a_mast_does_not_move_next_to_the_road(mast):
     frames = list(Drive(mast))
     for frame in frames:
         assert not frame.twin.ego.velocity_mps.any() and frame.twin.ego.pose[2, 2] == 1

@@ -38,7 +38,7 @@ def test_a_redirected_command_says_what_it_does_how_far_it_is_and_the_time_left(
         assert " left" in until(log, "comparing, 3 of 8 frames, about")
 
 
-def test_a_piece_that_is_silent_itself_is_still_told_of():
+def test_a_part_without_output_is_reported():
     console, log = redirected()
     with ProgressReport(console, "reading", every_s=0.01) as report:
         report.say("fitting range_walk")
@@ -103,7 +103,7 @@ def test_durations_are_coarse(seconds, words):
     assert duration(seconds) == words
 
 
-def test_a_command_whose_output_is_redirected_tells_of_its_work(tiny_scans, tmp_path, capsys, monkeypatch):
+def test_a_command_whose_output_is_redirected_reports_progress(tiny_scans, tmp_path, capsys, monkeypatch):
     def slowly(*args, **keywords):
         time.sleep(0.3)
         return collect(*args, **keywords)

@@ -210,7 +210,7 @@ def test_diagnose_writes_its_json_page_and_sensor(told: Told, monkeypatch: pytes
     assert Path("d/index.html").is_file()
 
 
-def test_a_bias_that_was_found_is_gone_from_every_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+def test_a_bias_that_was_detected_is_removed_from_every_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
     assert [one.effect for one in diagnosed.effects] == ["range_bias"]
     assert is_self_contained(diagnosed_page)
     said = targets(diagnosed_page, "range", "range")
@@ -223,7 +223,7 @@ def test_a_bias_that_was_found_is_gone_from_every_chart(diagnosed: Diagnosis, di
         assert after == pytest.approx(0.0, abs=0.4)
 
 
-def test_beams_of_a_bin_are_those_that_the_chart_tells_of(diagnosed: Diagnosis, diagnosed_page: str) -> None:
+def test_beams_of_a_bin_are_those_that_of_the_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
     explored, data = explored_of(diagnosed), scan_data(diagnosed_page)
     assert explored is not None
     for packed, scan in zip(data["scans"], explored.beams.scans, strict=True):
@@ -267,13 +267,13 @@ def test_the_bar_shows_the_parts_of_the_error(diagnosed: Diagnosis, diagnosed_pa
     assert sum(diagnosed.budget.parts.values()) == pytest.approx(diagnosed.error_before)
 
 
-def test_a_part_below_zero_is_told_and_has_no_width() -> None:
+def test_a_part_below_zero_is_shown_and_has_no_width() -> None:
     html = stacked_bar([Piece("noise", 0.9, "gray"), Piece("poses", -0.1, "blue")], "error")
     assert 'data-part="poses"' not in html
     assert "−0.100" in html
 
 
-def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that_tells(tmp_path: Path) -> None:
+def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that_separates_them(tmp_path: Path) -> None:
     text = format_diagnosis(diagnosis(finding()), Vocabulary(), "drive", "my.yaml")
     assert is_self_contained(text)
     for words in (
@@ -289,7 +289,7 @@ def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that
     opened_in_chromium(write_page(tmp_path / "page", text))
 
 
-def test_of_two_that_look_alike_and_are_both_there_none_is_in_doubt() -> None:
+def test_of_two_similar_effects_that_are_both_present_none_is_in_doubt() -> None:
     both = finding("range_walk", ()), finding("incidence_bias", ())
     text = format_diagnosis(diagnosis(*both), Vocabulary(), "drive", "my.yaml")
     row = text[text.index("range_walk or incidence_bias?") :]
@@ -476,7 +476,7 @@ def test_pages_tell_the_coverage_that_a_diagnosis_used() -> None:
     assert "95 %" not in text
 
 
-def test_sources_are_told_in_floors() -> None:
+def test_sources_are_given_in_floors() -> None:
     parts = {"noise": 0.5, "poses": 1.55, "objects": 0.1, "map": 0.0, "missing": 0.3, "unexplained": 0.001}
     assert source_words(parts, 0.5, is_complete=False) == "poses 3.1, objects 0.2, missing effects 0.6"
 

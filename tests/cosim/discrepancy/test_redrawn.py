@@ -28,7 +28,7 @@ def test_errors_common_to_a_scan_widen_the_interval():
     assert np.median(widths) == pytest.approx(2.09 / np.sqrt(SCANS), rel=0.2)
 
 
-def test_widest_interval_over_kinds_of_clusters_is_returned():
+def test_widest_interval_over_types_of_clusters_is_returned():
     noise = np.random.default_rng(4).standard_normal(SCANS)[BEAMS]
     alone = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE,), ANY)
     both = bootstrap_interval(lambda at: 0.5 * (noise - at) ** 2, float(noise.mean()), 1e-3, (ALONE, BEAMS), ANY)
@@ -44,8 +44,8 @@ def test_grid_is_extended_beyond_jumps():
         noise, place = rng.standard_normal(len(BEAMS)), rng.uniform(-1, 1, len(BEAMS))
         above = place > rng.normal(0, 0.01, len(BEAMS))
 
-        def losses(at, noise=noise, place=place, above=above):
-            return 0.5 * (noise - 3 * at) ** 2 + switch * np.where((place > at) == above, 0.1, 8.0)
+        def losses(at, noise=noise, position=place, above=above):
+            return 0.5 * (noise - 3 * at) ** 2 + switch * np.where((position > at) == above, 0.1, 8.0)
 
         sums = np.array([losses(at).sum() for at in grid])
         best = float(np.median(grid[sums == sums.min()]))

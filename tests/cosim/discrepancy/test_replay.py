@@ -47,7 +47,7 @@ def test_frames_at_once_and_one_by_one_agree(replay: Replay, name: str) -> None:
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
 
 
-def test_what_was_moved_away_from_is_come_back_to(replay: Replay) -> None:
+def test_what_was_was_left_is_returned_to(replay: Replay) -> None:
     kinds = effect_classes()
     turned = kinds["elevation_offset"](offset_deg=0.3)
     before = replay.expect(())

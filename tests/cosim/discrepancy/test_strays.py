@@ -30,14 +30,14 @@ def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tu
 
 
 @pytest.mark.parametrize(("middle", "width"), [(40.0, 50.0), (175.0, 30.0), (-90.0, 120.0)])
-def test_sector_of_spurious_returns_is_found_also_across_the_seam(middle, width):
+def test_sector_of_spurious_returns_is_detected_also_across_the_seam(middle, width):
     found = crowded_sector(*_strays(middle, width, np.random.default_rng(5)))
     assert abs((found["azimuth_deg"] - middle + 180) % 360 - 180) < 1
     assert found["width_deg"] == pytest.approx(width, abs=1.5)
 
 
 @pytest.mark.parametrize("coupling", [0.0, -0.6, 0.9])
-def test_parameters_that_make_up_for_one_another_are_less_sure(coupling):
+def test_parameters_that_compensate_each_other_are_less_certain(coupling):
     """Of a paraboloid ½(x² + y² + 2ρxy), x is known to 1 with y held and to 1/√(1 − ρ²) with y free."""
     start = Backscatter(density_per_m=0.01, mean_range_m=10.0)
     unit = {"density_per_m": 1e-4, "mean_range_m": 0.1}
@@ -58,7 +58,7 @@ def _diagnosed(folder: Path, *hidden: Effect) -> Diagnosis:
 
 
 @pytest.mark.slow
-def test_few_false_alarms_per_scan_are_found_and_fewer_are_not_reported(tmp_path: Path):
+def test_few_false_alarms_per_scan_are_detected_and_fewer_are_not_reported(tmp_path: Path):
     least = _diagnosed(tmp_path / "none").smallest_detectable["false_alarms"]["rate_per_frame"]
     assert 2 < least < 8
     for times in (1.5, 4.0):

@@ -30,7 +30,7 @@ def _with_rings_of(frame: TracedFrame, order: list[int]) -> TracedFrame:
     return replace(frame, observed=replace(observed, **moved))
 
 
-def test_only_the_two_swapped_rings_are_found(frames: list[TracedFrame]) -> None:
+def test_only_the_two_swapped_rings_are_detected(frames: list[TracedFrame]) -> None:
     rings = frames[0].shot.pattern.rings
     assert exchanged_rings(frames) == ()
     first, second = rings - 1, rings // 2

@@ -52,7 +52,7 @@ def test_two_classes_of_drivers_have_the_share_and_the_ratio() -> None:
     assert sum(ratio == 0.7 for ratio in ratios) / 400 == pytest.approx(0.3, abs=0.07)
 
 
-def test_streets_that_differ_alike_are_proposed_together() -> None:
+def test_streets_that_differ_equally_are_proposed_together() -> None:
     config = BehaviourConfig(preset="sumo")
     signals = [
         Signal("free_speed", "street", name, z, ratio)

@@ -43,7 +43,7 @@ def test_nothing_is_significant_without_a_difference() -> None:
     assert alarms <= 3
 
 
-def test_a_difference_is_found_in_its_column_only() -> None:
+def test_a_difference_is_detected_in_its_column_only() -> None:
     evidence = gather_evidence(*drawn(1, {1: 0.3, 6: -0.2}))
     p_values = find_significance(evidence, np.random.default_rng(0)).p_values
     assert {evidence.columns[k] for k in np.flatnonzero(p_values <= 0.05)} == {COLUMNS[1], COLUMNS[6]}

@@ -36,14 +36,14 @@ def holder(tmp_path):
         process.join()
 
 
-def test_a_second_run_is_told_who_is_at_work(tmp_path, holder, monkeypatch):
+def test_a_second_run_names_the_running_process(tmp_path, holder, monkeypatch):
     monkeypatch.setattr(drive_lock, "_WAIT_S", 0.2)
     process, _ = holder(alone=True)
     with pytest.raises(LockError, match=f"written by another run .process {process.pid} on "), exclusive(tmp_path):
         pass
 
 
-def test_a_run_that_was_killed_holds_nobody_up_and_one_that_ends_leaves_no_file(tmp_path, holder):
+def test_a_run_that_was_killed_blocks_no_other_run_and_one_that_ends_leaves_no_file(tmp_path, holder):
     process, _ = holder(alone=True)
     process.kill()
     with exclusive(tmp_path):

@@ -44,7 +44,7 @@ def test_a_return_is_trusted_over_trusted_ground_or_in_a_box() -> None:
     assert _trust().measured(places, [_box()]).tolist() == [True, False, False, True, True, False, False]
 
 
-def test_a_beam_is_compared_where_both_ends_are_known() -> None:
+def test_a_beam_is_compared_if_both_ends_are_reliable() -> None:
     ground, car, other = [-0.25, -0.75, 0.1], [10.0, 0, 1.0], [30.0, 0, 1.0]
     nothing = [np.nan] * 3
     traced = np.array([ground, ground, ground, car, car, other, other])

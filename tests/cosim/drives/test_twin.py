@@ -277,7 +277,7 @@ def _mirrored() -> list[list[float]]:
         (("static",), "/etc/passwd", "static is '/etc/passwd'; expected a relative path"),
     ],
 )
-def test_faults_name_file_place_value_and_rule(
+def test_faults_name_file_key_value_and_rule(
     tmp_path: Path, place: tuple[str | int, ...], value: object, message: str
 ) -> None:
     document = json.loads(_frame().to_json())

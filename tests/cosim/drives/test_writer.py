@@ -91,7 +91,7 @@ def test_a_foreign_folder_is_left_alone(tmp_path):
     assert contents(tmp_path) == {"thesis.tex"}
 
 
-def test_a_file_in_the_folders_place_is_named(tmp_path):
+def test_a_file_instead_of_the_folder_is_named(tmp_path):
     (tmp_path / "d").write_text("a file")
     with pytest.raises(OutputError, match=r"cannot write .*d: .*another --out"):
         DriveWriter(tmp_path / "d").open(SETTINGS)

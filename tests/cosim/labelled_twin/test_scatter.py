@@ -43,7 +43,7 @@ def test_rough_ground_is_less_certain_than_even_ground() -> None:
 
 
 @pytest.mark.parametrize("off_m", [0.05, 0.1])
-def test_bodies_are_as_uncertain_as_points_lie_beside_their_models(off_m: float) -> None:
+def test_bodies_are_as_uncertain_as_points_differ_from_their_models(off_m: float) -> None:
     rng, instance = np.random.default_rng(0), car(np.array([1.1, 1.0, 1.2]))
     exact = on_its_surface(instance, 4000, rng)
     assert body_scatter([instance], exact)[0] < 0.03
@@ -51,7 +51,7 @@ def test_bodies_are_as_uncertain_as_points_lie_beside_their_models(off_m: float)
     assert away == pytest.approx(off_m, rel=0.3)
 
 
-def test_what_nothing_was_seen_of_is_known_to_a_hand() -> None:
+def test_unseen_parts_have_their_true_size() -> None:
     assert body_scatter([car(np.ones(3))], np.zeros((0, 3)))[0] == pytest.approx(0.15)
 
 

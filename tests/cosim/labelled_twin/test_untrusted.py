@@ -67,7 +67,7 @@ def test_a_scan_of_flat_ground_makes_a_twin_and_names_no_other_pattern(tmp_path,
     assert "the beam pattern is not given: hdl64e_kitti" in capsys.readouterr().err
 
 
-def test_points_in_another_order_are_told(tmp_path, pattern, capsys):
+def test_points_in_another_order_are_reported(tmp_path, pattern, capsys):
     points, ring = scan(flat)
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     drive = write_drive(tmp_path / "drive", points[np.lexsort((ring, -np.round(azimuth, 3)))])
@@ -75,21 +75,21 @@ def test_points_in_another_order_are_told(tmp_path, pattern, capsys):
     assert "nothing could be compared with it" in told and "order of points: a ring spans" in told
 
 
-def test_a_pattern_that_is_not_the_scans_is_told(tmp_path, capsys):
+def test_a_pattern_that_is_not_the_scans_is_reported(tmp_path, capsys):
     points, elevation_deg = sparse()
     drive = write_drive(tmp_path / "drive", points)
     other = write_pattern(tmp_path / "other.yaml", elevation_deg + 8)
     assert "pattern other: its elevations differ by" in refusal(drive, other, capsys)
 
 
-def test_a_mount_too_low_for_its_rings_is_told(tmp_path, capsys):
+def test_a_mount_too_low_for_its_rings_is_reported(tmp_path, capsys):
     points, elevation_deg = sparse()
     drive = write_drive(tmp_path / "drive", points)
     told = refusal(drive, write_pattern(tmp_path / "own.yaml", elevation_deg), capsys)
     assert "height of mount: 0.5 m above ground, rings of own are" in told and "the limit is" in told
 
 
-def test_points_with_z_down_are_told(tmp_path, pattern, capsys):
+def test_points_with_z_down_are_reported(tmp_path, pattern, capsys):
     points = scan(flat)[0]
     drive = write_drive(tmp_path / "drive", points * np.array([-1, 1, -1, 1], np.float32))
     upside_down = write_pattern(pattern.with_name("down.yaml"), -np.degrees(ELEVATION_RAD))

@@ -23,7 +23,7 @@ def judged(seed: int, a: float, b: float, mood_m: float, by: Certainty | None = 
     return _test_bias(drawn, None, by or Certainty(), np.random.default_rng(seed))
 
 
-def test_the_law_is_found() -> None:
+def test_the_equation_is_detected() -> None:
     found = judged(1, 0.15, 0.2, 0.03)
     assert found.verdict == "missing"
     assert found.a_m == pytest.approx((0.15,) * 3, abs=0.03)
@@ -37,7 +37,7 @@ def test_wavering_annotators_seldom_alarm() -> None:
     assert verdicts.count("missing") <= 5
 
 
-def test_who_asks_says_how_sure_a_finding_must_be() -> None:
+def test_the_significance_level_can_be_set() -> None:
     usual = judged(1, 0.15, 0.2, 0.03)
     surer = judged(1, 0.15, 0.2, 0.03, Certainty(coverage=0.99, power=1.28))
     assert usual.ci95 is not None

@@ -66,7 +66,7 @@ def test_occlusion_follows_the_share_of_hidden_pixels(labeller, hidden_share, oc
     assert labels.occluded.tolist() == [occluded]
 
 
-def test_the_box_of_what_is_hidden_still_spans_the_whole_object(labeller):
+def test_the_box_of_what_is_hidden_spans_the_whole_object(labeller):
     row = placed(pose(20.0, 0.0))
     whole = labeller.label(row, LIDAR, ideal_image(row))
     half = labeller.label(row, LIDAR, ideal_image(row, slice(0, 610)))
@@ -100,7 +100,7 @@ def test_far_objects_become_dont_care_and_come_last(labeller):
     assert labels.bbox[1, 2] > labels.bbox[1, 0]
 
 
-def test_what_nobody_can_see_is_not_labelled(labeller):
+def test_what_is_invisible_is_not_labelled(labeller):
     row = placed(pose(30.0, 0.0), pose(-10.0, 0.0))
     labels = labeller.label(row, LIDAR, ideal_image(row, slice(0, WIDTH)))
     assert len(labels) == 0

@@ -62,7 +62,7 @@ def replaced(points: np.ndarray, rows: object, columns: object, value: float) ->
     ],
     ids=["elongation", "minus one", "zeros", "infinite", "negative intensity"],
 )
-def test_columns_are_found_and_points_without_return_are_counted(change, left_out, tmp_path):
+def test_columns_are_detected_and_points_without_return_are_counted(change, left_out, tmp_path):
     found = recording(tmp_path, change)
     assert list(found.schema.names) == ["x", "y", "z", "intensity"]
     assert found.schema.intensity_scale == 1.0
@@ -101,7 +101,7 @@ def times_of(points: np.ndarray, stray_s: float, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("stray_s", "count"), [(0.36, 20), (3.9, 3), (0.5, 60)])
-def test_stray_times_are_left_out_and_counted(stray_s, count, tmp_path):
+def test_time_outliers_are_left_out_and_counted(stray_s, count, tmp_path):
     for number in range(3):
         points = scan(float(number), number)
         write_pcd(tmp_path / f"{number:06d}.pcd", points, ("t", times_of(points, stray_s, count), "u4", 1))
@@ -156,7 +156,7 @@ def test_drives_and_recordings_read_the_same_points(kind, extra, tmp_path):
     assert np.allclose(measured[:, :3], recorded.xyz, atol=1e-5) and np.allclose(measured[:, 3], recorded.intensity)
 
 
-def test_what_no_clue_tells_is_said(tmp_path):
+def test_what_is_undetermined_is_reported(tmp_path):
     order = np.random.default_rng(0).permutation
     found = recording(tmp_path, lambda p: p[order(len(p))] * [1, -1, 1, 1])
     assert any("left and right cannot be verified" in note for note in found.notes)

@@ -70,7 +70,7 @@ def test_the_best_round_is_chosen_not_the_last(tmp_path: Path) -> None:
     assert accept(tmp_path, rounds).round == 1
 
 
-def test_a_finding_that_moves_points_is_judged_by_the_next_map(tmp_path: Path) -> None:
+def test_a_finding_that_moves_points_is_validated_on_the_next_map(tmp_path: Path) -> None:
     found = {"effect": "sweep_motion", "change": 0.0, "low": -0.1, "high": 0.1, "by": "step", "is_accepted": True}
     rounds = [
         made(tmp_path, 1, scores(), scores(-0.3, seed=1), [found]),

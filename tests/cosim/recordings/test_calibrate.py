@@ -66,7 +66,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_points_freed_of_what_was_found_make_a_thinner_map(calibrated: Path) -> None:
+def test_points_corrected_for_what_was_detected_make_a_thinner_map(calibrated: Path) -> None:
     rounds = json.loads((calibrated / "told.json").read_text())["rounds"]
     found = {one["effect"]: one for each in rounds for one in each["findings"]}
     assert set(found) == {"sweep_motion", "elevation_offset"}
@@ -89,7 +89,7 @@ def test_an_interval_knows_what_the_map_takes_up_of_what_its_points_were_not_fre
 
 
 @pytest.mark.slow
-def test_the_page_tells_of_every_round_and_the_history_of_every_sensor_file(calibrated: Path) -> None:
+def test_the_page_shows_every_round_and_the_history_of_every_sensor_file(calibrated: Path) -> None:
     page = (calibrated / "out/index.html").read_text()
     for words in ("Thickness of the map", "Error by round", "What was found", "Every sensor file tried"):
         assert words in page
@@ -122,7 +122,7 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_order_of_points_in_files_does_not_change_what_is_found(tmp_path: Path) -> None:
+def test_the_order_of_points_in_files_does_not_change_what_is_detected(tmp_path: Path) -> None:
     pytest.importorskip("kiss_icp")
     rings = record(tmp_path / "rings", path(SCANS), load_pattern("vlp16"))
     told = {}
@@ -152,7 +152,7 @@ def test_the_order_of_points_in_files_does_not_change_what_is_found(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_a_falloff_with_range_is_told_though_reflectances_are_not_known(tmp_path: Path) -> None:
+def test_a_falloff_with_range_is_identified_though_reflectances_are_unknown(tmp_path: Path) -> None:
     pytest.importorskip("kiss_icp")
     record(tmp_path / "scans", path(SCANS), load_pattern("vlp16"), dims_m=25.0)
     command = ["calibrate", str(tmp_path / "scans"), "--out", str(tmp_path / "out"), "--rounds", "1", "--quiet"]

@@ -138,7 +138,7 @@ def test_a_path_along_y_names_the_axes(drive: list[Scan]) -> None:
         check_path(held, trajectory(np.array([0, 0.3, 0])))  # type: ignore[arg-type]
 
 
-def test_another_place_is_named(drive: list[Scan]) -> None:
+def test_another_location_is_named(drive: list[Scan]) -> None:
     turned = drive[0].xyz * [0.5, -1.0, 1.0] + [30.0, 12.0, 6.0]
     held = Held([drive[0]] * 5 + [Scan("x", turned)] * 3)
     with pytest.raises(RecordingError, match="scan 000005 shows another place than 000004"):

@@ -70,7 +70,7 @@ def test_points_on_no_beam_stay() -> None:
     np.testing.assert_array_equal(correction.undone(stray).xyz[-1], stray.xyz[-1])
 
 
-def test_effects_that_leave_points_in_place_need_no_new_map() -> None:
+def test_effects_that_do_not_move_points_need_no_new_map() -> None:
     for name in ("elevation_offset", "range_walk", "sweep_motion", "ring_elevation"):
         assert moves_points(name)
     for name in ("range_noise", "incidence_falloff", "random_dropout", "dual_block"):

@@ -18,12 +18,12 @@ def standing() -> np.ndarray:
     return np.tile(np.eye(4), (36, 1, 1))
 
 
-def test_a_sensor_that_stands_tells_nothing_of_its_motion_in_a_sweep() -> None:
+def test_a_stationary_sensor_does_not_determine_its_motion_in_a_sweep() -> None:
     found = standard_errors(same_path(standing(), 1.8), PATTERN, EFFECTS, ["sweep_motion"])
     assert np.isinf(found[SWEEP])
 
 
-def test_turning_tells_the_motion_in_a_sweep_better_than_driving_straight() -> None:
+def test_turning_determines_the_motion_in_a_sweep_better_than_driving_straight() -> None:
     drives = {one.words: one for one in candidates(1.8, PATTERN.sweep_s)}
     straight, circle = (
         standard_errors(next(one for words, one in drives.items() if part in words), PATTERN, EFFECTS, ["sweep_motion"])

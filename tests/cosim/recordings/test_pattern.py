@@ -46,7 +46,7 @@ def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_
 
 
 @pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
-def test_the_order_of_points_changes_no_elevation_and_tells_the_fan(order: str, tmp_path: Path) -> None:
+def test_the_order_of_points_changes_no_elevation_and_gives_the_azimuth_offsets(order: str, tmp_path: Path) -> None:
     pattern = load_pattern("hdl64e_kitti")
     result = found_in(written(tmp_path / "scans", scans(pattern, order)), tmp_path)
     np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.001)
@@ -75,7 +75,7 @@ def test_two_optical_centres_are_two_blocks(tmp_path: Path) -> None:
     assert any("dual_block, upper_m: 0.200" in note for note in result["notes"])
 
 
-def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
+def test_the_page_shows_the_findings(tmp_path: Path) -> None:
     folder = written(tmp_path / "scans", scans(load_pattern("vlp16"), "firings", count=2))
     assert main(["pattern", str(folder), "--out", str(tmp_path / "v.yaml"), "--page", str(tmp_path / "page")]) == 0
     page = (tmp_path / "page/index.html").read_text()
@@ -83,7 +83,7 @@ def test_the_page_tells_what_was_found(tmp_path: Path) -> None:
         assert words in page
 
 
-def test_a_laser_that_meets_only_the_vehicle_is_found() -> None:
+def test_a_laser_that_meets_only_the_vehicle_is_detected() -> None:
     rng, pattern = np.random.default_rng(0), load_pattern("vlp32c")
     rays = pattern.rays()
     away = rng.uniform(3, 30, len(rays.ring))

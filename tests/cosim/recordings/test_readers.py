@@ -44,7 +44,7 @@ def same(scan: Scan, rows: np.ndarray, *, ring: bool = True, time: bool = True, 
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".npz", ".pcd", ".ply", ".feather", "text.ply"])
-def test_fields_are_found_by_name(tmp_path: Path, suffix: str) -> None:
+def test_fields_are_detected_by_name(tmp_path: Path, suffix: str) -> None:
     rows = points()
     write(tmp_path / f"000000{suffix}", rows)
     same(open_recording(tmp_path)[0], rows)
@@ -60,7 +60,7 @@ def test_a_table_without_names_has_the_usual_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width", [3, 4, 5])
-def test_the_width_of_raw_rows_is_found(tmp_path: Path, width: int) -> None:
+def test_the_width_of_raw_rows_is_detected(tmp_path: Path, width: int) -> None:
     rows = points(count=600)  # so that bytes divide by each width
     table(rows, ("x", "y", "z", "intensity", "ring")[:width]).tofile(tmp_path / "a.bin")
     scan = open_recording(tmp_path)[0]

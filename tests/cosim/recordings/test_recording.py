@@ -29,7 +29,7 @@ def test_scans_come_in_the_order_of_the_numbers_in_their_names(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("below", ["velodyne", "velodyne_points/data", "lidar", "anything"])
-def test_scans_are_found_below_the_folder(tmp_path: Path, below: str) -> None:
+def test_scans_are_detected_below_the_folder(tmp_path: Path, below: str) -> None:
     scans(tmp_path / below, 3)
     assert order(tmp_path) == [0, 1, 2]
 
@@ -78,7 +78,7 @@ def test_files_of_several_formats_or_fields_are_refused(tmp_path: Path) -> None:
         open_recording(tmp_path)
 
 
-def test_a_gap_in_time_is_told(tmp_path: Path) -> None:
+def test_a_gap_in_time_is_reported(tmp_path: Path) -> None:
     scans(tmp_path, 6)
     (tmp_path / "times.txt").write_text("0\n0.1\n0.2\n0.3\n1.4\n1.5\n")
     recording = open_recording(tmp_path)

@@ -87,7 +87,7 @@ def test_frames_lie_in_the_world_of_their_segment(twin: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_diagnosis_looks_at_scans_of_every_segment(twin: Path, tmp_path: Path) -> None:
+def test_a_diagnosis_uses_scans_of_every_segment(twin: Path, tmp_path: Path) -> None:
     from cosim.discrepancy.data.split import split_drive
 
     split, drive = split_drive(Drive(twin / "twin"), 28_800), Drive(twin / "twin")

@@ -87,7 +87,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made_once(tmp_path_factory, "recording_twin", make)
 
 
-def test_the_path_and_the_height_of_the_sensor_are_found(twin: Path) -> None:
+def test_the_path_and_the_height_of_the_sensor_are_detected(twin: Path) -> None:
     result = json.loads((twin / "twin.json").read_text())
     assert result["path_m"] == pytest.approx(STEP_M * (SCANS - 1), rel=0.03)
     assert result["mount"]["height_m"] == pytest.approx(HEIGHT_M, abs=0.03) and result["mount"]["from_ground"]
@@ -224,7 +224,7 @@ def refused_bag(folder: Path) -> str:
     return refused("twin", write_bag(folder / "bags", "sqlite3", {}), "--out", folder / "out")
 
 
-def test_a_fit_finds_the_motion_in_the_sweep_beside_noise_that_is_fitted_along(twin: Path) -> None:
+def test_a_fit_finds_the_motion_in_the_sweep_together_with_noise(twin: Path) -> None:
     drive = Drive(twin / "twin")
     sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1)))
     context = context_of(

@@ -82,7 +82,7 @@ def test_uphill_lifts_the_nose():
     assert np.allclose(placed.poses[drives, 2, 0], np.sin(np.arctan(0.08)), atol=1e-6)
 
 
-def test_looks_last_for_life_and_follow_the_seed():
+def test_appearances_are_constant_and_follow_the_seed():
     sizes = np.tile(CATALOGUE["hatchback_01"].size_m, (60, 1))
     many = road_users(["car"] * 60, np.zeros((60, 3)), sizes=sizes)
     first = Bridge(Ground(slope(0, 0)), seed=1)

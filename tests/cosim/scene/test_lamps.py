@@ -107,7 +107,7 @@ def head(lane: str = "a_0") -> SignalHead:
     ("state", "channel", "height"),
     [("r", 0, 1), ("G", 1, -1), ("g", 1, -1)],
 )
-def test_one_of_three_lamps_is_lit(state, channel, height):
+def test_one_of_three_lamps_is_on(state, channel, height):
     world, nobody = signal_head().moved((15, 0, 1.5)), instances()
     lit = seen(with_signals(nobody, [head()], {"a_0": state}, np.zeros(3), 0.0), world)
     dark = seen(with_signals(nobody, [head()], {}, np.zeros(3), 0.0), world)

@@ -48,7 +48,7 @@ def test_the_page_stands_alone_and_its_pictures_are_well_formed(drive: Path, tmp
         assert "nan" not in picture.replace("base64", "").lower().split("data:image")[0]
 
 
-def test_the_page_is_beside_the_drive_by_default(drive: Path) -> None:
+def test_the_page_is_next_to_the_drive_by_default(drive: Path) -> None:
     assert main(["stats", str(drive), "--quiet"]) == 0
     assert (drive.parent / "small-stats/index.html").is_file()
 

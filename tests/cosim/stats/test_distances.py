@@ -63,7 +63,7 @@ def test_headings_across_the_seam_are_near() -> None:
 
 
 @given(counts=st.lists(st.lists(st.integers(0, 5), min_size=4, max_size=4), min_size=3, max_size=3))
-def test_a_histogram_is_worth_its_values(counts: list[list[int]]) -> None:
+def test_a_histogram_equals_its_values(counts: list[list[int]]) -> None:
     table, centres = np.array(counts), np.array([0.5, 1.5, 2.5, 3.5])
     if not table.sum():
         return

@@ -37,7 +37,7 @@ def patches(rng: np.random.Generator, units: int = 12, shift: dict[str, float] |
     )
 
 
-def test_equal_sets_are_not_told_apart() -> None:
+def test_equal_sets_are_not_distinguished() -> None:
     rng = np.random.default_rng(1)
     result = separate_sets(patches(rng), patches(rng), rng, QUICK)
     for item in result.channels:
@@ -63,7 +63,7 @@ def test_auc_counts_ties_half() -> None:
     assert pairwise_auc(np.array([1.0, 2.0]), np.array([1.0, 0.0])) == pytest.approx(3.5 / 4)
 
 
-def test_figures_of_a_plane_with_known_gaps() -> None:
+def test_figures_of_a_plane_with_given_gaps() -> None:
     range_m = np.full((1, 16, 40), 10.0, np.float32)
     range_m[0, 3, [5, 9]] = np.nan  # two single gaps
     range_m[0, 7] = np.nan  # a row without return

@@ -104,7 +104,7 @@ def test_absolute_times_are_those_of_the_simulation(hamlet, lane, tmp_path):
     assert Replay(read_trajectories(path, hamlet.streets)).life("ego") == (2.0, 4.0)
 
 
-def test_vehicles_of_catalogues_are_found(hamlet, lane, tmp_path):
+def test_vehicles_of_catalogues_are_detected(hamlet, lane, tmp_path):
     start, way, heading = lane
     (tmp_path / "cars").mkdir()
     (tmp_path / "cars/c.xosc").write_text(f'<OpenSCENARIO>{HEAD}<Catalog name="cars">{CAR}</Catalog></OpenSCENARIO>')

@@ -61,7 +61,7 @@ def check(tracks: RoadTracks, step_s: float = 0.1) -> None:
         ("t,id,x,y,speed_kmh,yaw", "{s},{id},{x},{y},32.4,{rad}", 0.2, "yaw is in radians from east"),
     ],
 )
-def test_clocks_and_units_are_found_from_motion(header, row, step_s, note, tmp_path):
+def test_clocks_and_units_are_detected_from_motion(header, row, step_s, note, tmp_path):
     tracks = read(tmp_path, rows_of(header, row, step_s))
     check(tracks, step_s)
     assert any(note in each for each in tracks.notes)
@@ -133,7 +133,7 @@ def test_columns_that_were_not_measured_are_not_used(header, row, note, tmp_path
 
 
 @pytest.mark.parametrize(("row", "time"), [(30, "1e9"), (31, "-50"), (120, "77.5")])
-def test_a_stray_time_is_left_out_and_counted(row, time, tmp_path):
+def test_a_time_outlier_is_left_out_and_counted(row, time, tmp_path):
     text = rows_of("time_s,id,x,y,speed", "{s},{id},{x},{y},9").split("\n")
     text[row] = ",".join([time, *text[row].split(",")[1:]])
     tracks = read(tmp_path, "\n".join(text))
@@ -142,7 +142,7 @@ def test_a_stray_time_is_left_out_and_counted(row, time, tmp_path):
 
 
 @pytest.mark.parametrize(("row", "x"), [(30, "0"), (31, "1e7"), (77, "120")])
-def test_a_stray_place_is_left_out_and_counted(row, x, tmp_path):
+def test_a_position_outlier_is_left_out_and_counted(row, x, tmp_path):
     text = rows_of("time_s,id,x,y", "{s},{id},{x},{y}").split("\n")
     cells = text[row].split(",")
     text[row] = ",".join([*cells[:2], x, cells[3]])
@@ -159,7 +159,7 @@ def test_rows_that_are_there_twice_are_used_once(tmp_path):
 
 
 @pytest.mark.parametrize("metres", [0.3048, 0.01, 0.001])
-def test_another_unit_of_places_is_named(metres, tmp_path):
+def test_another_unit_of_positions_is_named(metres, tmp_path):
     text = rows_of("time_s,id,x,y", "{s},{id},{x}*,{y}*").split("\n")
     lines = [text[0]]
     for line in text[1:-1]:

@@ -70,7 +70,7 @@ def test_everybody_is_where_sumo_had_him(recorded, hamlet):
     assert np.allclose(between.front[row], (before + after) / 2)
 
 
-def test_sizes_and_kinds_are_those_of_the_vtypes(recorded, hamlet):
+def test_sizes_and_types_are_those_of_the_vtypes(recorded, hamlet):
     tracks = replay_of(recorded, hamlet).tracks
     assert {"car", "pedestrian"} <= set(tracks.kinds)
     cars = tracks.size[[kind == "car" for kind in tracks.kinds]]

@@ -67,7 +67,7 @@ def test_most_of_a_town_is_left_to_sumo(seen):
         assert 2 * len(near) < len(everyone)
 
 
-def test_nobody_is_missing_and_nobody_is_there_twice(seen):
+def test_no_vehicle_is_missing_or_duplicated(seen):
     for everyone, there in zip(seen.everyone, seen.there, strict=True):
         assert len(set(everyone.ids)) == len(everyone.ids)
         assert {name for name in there if not name.startswith("keeper")} == set(everyone.ids)
@@ -87,7 +87,7 @@ def test_they_move_as_bodies_do(seen):
     assert not seen.inspector.surprises
 
 
-def test_parked_vehicles_stand_alike_near_and_far(seen):
+def test_parked_vehicles_have_equal_poses_near_and_far(seen):
     stood: dict[str, np.ndarray] = {}
     for everyone in seen.everyone:
         for row in np.flatnonzero(everyone.parked):

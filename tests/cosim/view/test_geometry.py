@@ -71,7 +71,7 @@ def test_the_nearest_of_two_returns_shows_and_silent_beams_stay_empty() -> None:
     assert (cells >= 0).sum() == 1
 
 
-def test_a_view_looks_at_its_target_with_left_on_the_left_and_up_on_top() -> None:
+def test_a_view_is_centred_on_its_target_with_left_on_the_left_and_up_on_top() -> None:
     view = View.looking((-10, 0, 5), (10, 0, 0), width=101, height=61, field_deg=60)
     uv, depth = view.project(np.array([[10.0, 0, 0], [10.0, 2, 0], [10.0, 0, 2]]))
     np.testing.assert_allclose(uv[0], [50, 30])
@@ -80,7 +80,7 @@ def test_a_view_looks_at_its_target_with_left_on_the_left_and_up_on_top() -> Non
     assert depth[0] == pytest.approx(np.hypot(20, 5))
 
 
-def test_an_enlarged_view_keeps_pixels_in_place() -> None:
+def test_an_enlarged_view_keeps_pixel_positions() -> None:
     view = View.looking((0, 0, 0), (1, 0, 0), width=50, height=40, field_deg=70)
     point = np.array([[7.0, 1.3, -0.4]])
     small, large = view.project(point)[0], view.enlarged(3).project(point)[0]

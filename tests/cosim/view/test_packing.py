@@ -82,7 +82,7 @@ def test_residuals_are_measured_minus_traced_range(tmp_path: Path) -> None:
     np.testing.assert_array_equal(extra["residual"], columns["residual"])
 
 
-def test_a_broken_twin_takes_away_the_residual_and_nothing_else(tmp_path: Path) -> None:
+def test_a_broken_twin_removes_only_the_residual(tmp_path: Path) -> None:
     yard = make_yard(tmp_path, frames=1)
     (yard.drive / "twin/static.glb").write_bytes(b"broken")
     records = show_drives([Drive(yard.drive)], None, None, None, for_file=True).records[0]

@@ -65,7 +65,7 @@ def test_the_page_and_its_frames_are_given(server: ViewServer) -> None:
         "/index.html",
     ],
 )
-def test_whatever_else_is_asked_for_is_not_found(server: ViewServer, path: str) -> None:
+def test_other_paths_give_404(server: ViewServer, path: str) -> None:
     status, text = ask(server, path)
     assert status == 404
     assert len(text) < 100

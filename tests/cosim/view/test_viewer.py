@@ -132,7 +132,7 @@ def test_every_mode_of_colours_paints_another_picture(browser: Chromium, yard: Y
     assert (red - blue > 60).sum() > 20 * (blue - red > 60).sum()  # 4 cm too far
 
 
-def test_noise_about_nought_looks_like_it_however_points_overlap(browser: Chromium, tmp_path: Path) -> None:
+def test_noise_about_zero_is_recognised_however_points_overlap(browser: Chromium, tmp_path: Path) -> None:
     noise = {"effect": "range_noise", "sigma_m": 0.02}
     effect = find_effect("range_noise").model_validate({"sigma_m": 0.02})
     noisy = make_yard(tmp_path / "yard", (effect,), known=(noise,), frames=1)
@@ -208,7 +208,7 @@ def test_dragging_turns_and_r_goes_back(browser: Chromium, labelled_drive: Path,
     assert browser.evaluate("cosimView.orbit.pitch") > 1.5
 
 
-def test_a_point_under_the_pointer_tells_its_values(browser: Chromium, labelled_drive: Path, tmp_path: Path) -> None:
+def test_a_point_under_the_pointer_shows_its_values(browser: Chromium, labelled_drive: Path, tmp_path: Path) -> None:
     browser.open(written(tmp_path / "page.html", labelled_drive, frames="000001"))
     pixels(browser)
     place = browser.evaluate(
@@ -261,7 +261,7 @@ def test_no_name_becomes_markup(browser: Chromium, bare_drive: Path, tmp_path: P
     assert browser.evaluate("document.querySelectorAll('img').length") == 0
 
 
-def test_a_served_page_traces_when_residuals_are_asked_for(browser: Chromium, yard: Yard) -> None:
+def test_a_served_page_traces_when_residuals_are_requested(browser: Chromium, yard: Yard) -> None:
     shown = show_drives([Drive(yard.drive)], None, None, str(yard.sensor), for_file=False)
     with ViewServer(shown) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.02,))

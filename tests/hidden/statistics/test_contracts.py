@@ -145,7 +145,9 @@ def test_efficient_scores_and_gram_matrices_are_derivatives_of_the_profiled_like
 
 @pytest.mark.parametrize("rounding", [0.0, 3e-4])
 @pytest.mark.parametrize("mean", [0.0, 0.5])
-def test_a_mean_that_random_effects_absorbed_is_found_despite_rounded_derivatives(mean: float, rounding: float) -> None:
+def test_a_mean_that_random_effects_absorbed_is_detected_despite_rounded_derivatives(
+    mean: float, rounding: float
+) -> None:
     rng = np.random.default_rng(8)
     beams = draw_beams(rng, 20_000, tracks=30)
     scores, z = draw_scores(rng, "range", beams, track_error=False), track_effects(beams)

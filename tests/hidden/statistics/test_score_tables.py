@@ -34,7 +34,7 @@ def test_tracks_are_of_very_different_sizes() -> None:
     assert size[-1] > 20 * np.median(size)
 
 
-def test_correlated_covariates_agree_for_the_share_asked_for() -> None:
+def test_correlated_covariates_agree_for_the_share_requested() -> None:
     rng = np.random.default_rng(2)
     beams = draw_beams(rng)
     first = draw_basis(rng, beams, 8, "beam")

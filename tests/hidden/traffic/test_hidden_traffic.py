@@ -30,7 +30,7 @@ def measured(folder: Path, hidden: dict, seed: int, seconds: float = 40, drivers
     return out, config
 
 
-def test_a_hidden_place_in_the_lane_is_found_and_written(tmp_path: Path, capsys) -> None:
+def test_a_hidden_lateral_offset_is_detected_and_written(tmp_path: Path, capsys) -> None:
     from cosim.cli import main
 
     csv, config = measured(tmp_path, {"offset": (0.2, 0.05)}, seed=5)

@@ -41,7 +41,7 @@ WALLS = Scene(wall(20.0, half_m=300), no_model)
 
 @settings(max_examples=8, deadline=None)
 @given(offset=st.floats(-2, 2))
-def test_a_higher_beam_meets_the_ground_farther_away(offset):
+def test_a_higher_beam_hits_the_ground_at_a_larger_range(offset):
     found = ranges(effect("elevation_offset", offset_deg=offset), scene=GROUND)
     assert_ranges(found, on_ground(ELEVATION + np.radians(offset)))
 
@@ -124,7 +124,7 @@ def test_a_moving_sensor_is_skewed_by_v_times_t(speed, side):
     assert_ranges(found, np.where(toward > 0.3, (20 - travelled) / np.maximum(toward, 1e-6), np.nan))
 
 
-def test_a_turning_sensor_looks_along_its_own_heading():
+def test_a_turning_sensor_is_directed_along_its_own_heading():
     ego = EgoMotion(np.eye(4), np.zeros(3), 1.0, np.zeros(3))
     found = ranges(effect("sweep_motion", sweep_s=0.1), scene=WALLS, ego=ego)
     toward = np.cos(ELEVATION) * np.cos(AZIMUTH + RAYS.time_s)
@@ -156,7 +156,7 @@ def test_a_turning_object_is_met_at_its_heading_of_the_moment():
     assert_ranges(found, np.where(on_board, expected, np.nan))
 
 
-def test_standing_still_a_sweep_changes_nothing():
+def test_sweep_motion_changes_nothing_at_rest():
     still = ranges(effect("sweep_motion", sweep_s=0.1), scene=GROUND)
     assert_ranges(still, ranges(scene=GROUND), atol=3e-4)
 

@@ -16,7 +16,7 @@ from tests.sensors.worlds import plane
 ROAD = Scene(plane(), no_model)
 
 
-def test_the_field_has_unit_variance_and_neighbours_are_alike() -> None:
+def test_the_field_has_unit_variance_and_neighbours_are_equal() -> None:
     grid = np.stack(np.meshgrid(*[np.arange(0, CELLS, 2)] * 3, indexing="ij"), -1).reshape(-1, 3) + 0.5
     values, beside, far = (field_at(grid + step, 1.0) for step in (0.0, [1, 0, 0], [40, 0, 0]))
     assert values.std() == pytest.approx(1, abs=0.02)
@@ -26,7 +26,7 @@ def test_the_field_has_unit_variance_and_neighbours_are_alike() -> None:
     assert abs(np.corrcoef(values, field_at(grid, 1.0, (37, 0, 0)))[0, 1]) < 0.3
 
 
-def test_reflectance_belongs_to_the_place_and_not_to_the_beam() -> None:
+def test_reflectance_belongs_to_the_surface_and_not_to_the_beam() -> None:
     """Beams of two lasers that hit the same cell have the same reflectance; the field changes no other channel."""
     kind = effect("reflectance_field", surfaces="ground", sigma=0.5, cell_m=0.5)
     bare, shot = shoot(sensor(), ROAD)

@@ -39,7 +39,7 @@ def test_what_lies_between_two_radii_is_what_rays_would_meet(whole):
     assert differing(known.met(RADIUS_RAD), traced) < 1e-3
 
 
-def test_a_radius_asked_for_again_is_the_same_whatever_was_asked_between(whole):
+def test_a_radius_requested_again_gives_the_same_result(whole):
     shot, beam = some_of(whole, 301)
     known = FootprintCache(shot, beam)
     first = known.met(RADIUS_RAD)
@@ -64,7 +64,7 @@ def test_beams_that_stand_a_little_aside_meet_the_same_faces(whole):
     assert differing(bent, FootprintCache(asked, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
 
 
-def test_what_moves_is_asked_anew_where_beams_leave_later(whole):
+def test_what_moves_is_traced_again_where_beams_leave_later(whole):
     shot, beam = some_of(whole)
     traced = whole.traced
     origin, direction = traced.origin[shot.rows], traced.direction[shot.rows]

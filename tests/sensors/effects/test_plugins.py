@@ -171,7 +171,7 @@ def test_a_file_that_breaks_the_rules_is_refused_in_one_line(tmp_path, source, e
     assert "\n" not in str(caught.value) and "sensor.yaml" in str(caught.value)
 
 
-def test_installed_effects_are_found_by_name(tmp_path, monkeypatch):
+def test_installed_effects_are_detected_by_name(tmp_path, monkeypatch):
     (tmp_path / "rain_package.py").write_text(GOOD)
     info = tmp_path / "rain-1.0.dist-info"
     info.mkdir()

@@ -73,7 +73,7 @@ def test_outside_the_image_surfaces_are_as_bright_as_the_camera_shows_their_like
     assert levels[0] < levels[1] - 0.25 * 50 / 255
 
 
-def test_every_vehicle_has_its_own_brightness_though_paint_and_light_are_alike():
+def test_every_vehicle_has_its_own_brightness_for_equal_paint_and_light():
     placed = instances([pose(15.0, 4.0, -0.7), pose(15.0, -4.0, -0.7)])
     returns, shot = measured(view(128), Scene(Mesh.empty(), lambda name: block((4.0, 1.7, 1.5))), placed)
     front = shot.cos_incidence(returns) > 0.95

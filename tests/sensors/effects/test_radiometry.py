@@ -33,7 +33,7 @@ def test_incidence_falloff_is_a_power_of_the_cosine(plain, n):
 
 @settings(max_examples=8, deadline=None)
 @given(r0=st.floats(1, 100), p=st.floats(0, 4))
-def test_range_falloff_follows_its_law(plain, r0, p):
+def test_range_falloff_follows_its_equation(plain, r0, p):
     expected = RHO * (1 + plain[0].range_m / r0) ** -p
     found = after(effect("range_falloff", reference_m=r0, exponent=p)).intensity
     np.testing.assert_allclose(found, expected, rtol=1e-4)
@@ -50,7 +50,7 @@ def test_extinction_halves_where_it_should_and_loses_the_weakest(plain):
     assert len(foggy) == np.count_nonzero(returns.range_m <= reach)
 
 
-def test_focal_response_is_nothing_at_the_focus_and_grows_away_from_it(plain):
+def test_focal_response_is_zero_at_the_focus_and_grows_with_distance_from_it(plain):
     returns = plain[0]
     found = after(effect("focal_response", focal_distance_m=30.0, slope=0.5)).intensity - RHO
     at = np.argmin(np.abs(returns.range_m - 30))

@@ -99,7 +99,7 @@ def test_every_file_that_defines_an_effect_is_in_the_catalogue():
     assert phases == sorted(phases)
 
 
-def test_a_drive_s_own_pattern_stands_beside_its_sensor(tmp_path):
+def test_a_drive_s_own_pattern_is_next_to_its_sensor_file(tmp_path):
     pattern = load_sensor("vlp16").pattern.model_copy(update={"name": "mine"})
     (tmp_path / "pattern.yaml").write_text(pattern.to_yaml())
     (tmp_path / "sensor.yaml").write_text("pattern: mine\neffects: []\n")
@@ -107,7 +107,7 @@ def test_a_drive_s_own_pattern_stands_beside_its_sensor(tmp_path):
 
 
 @pytest.mark.parametrize("name", built_in_effects())
-def test_every_effect_tells_what_it_is(name):
+def test_every_effect_is_documented(name):
     kind = built_in_effects()[name]
     assert kind.name == name and kind.equation and kind.reference and kind.__doc__
     assert set(kind.confusable_with) <= set(built_in_effects()) - {name}

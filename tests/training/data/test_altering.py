@@ -56,7 +56,7 @@ def test_a_small_tilt_keeps_the_points_of_a_car_in_its_box():
     assert points_in_boxes(after.points, as_boxes(after.boxes), 0.03).sum(1).min() == 250
 
 
-def test_the_same_seed_alters_alike():
+def test_the_same_seed_alters_equally():
     rng = np.random.default_rng(0)
     before = sample(rng)
     one, other = (augment(before, Augment(samples={}), None, np.random.default_rng([1, 2])) for _ in range(2))

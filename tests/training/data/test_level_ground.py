@@ -34,7 +34,7 @@ def street(seed: int = 0) -> Sample:
     return Sample("street", points, boxes.astype(np.float32), np.zeros(3, np.int64))
 
 
-def test_the_ground_of_a_slope_is_found_also_where_cars_hide_it():
+def test_the_ground_of_a_slope_is_detected_also_where_cars_hide_it():
     ground = find_ground(collate([street()]).points, 1, GRID)
     place = torch.tensor([[10.0, 2.0], [12.0, -3.0], [32.0, 5.0], [20.0, 0.0], [45.0, -10.0]])
     rise = ground.rise(torch.zeros(len(place), dtype=torch.int64), place)

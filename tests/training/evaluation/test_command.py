@@ -74,7 +74,7 @@ def test_detections_of_unlabelled_frames_are_refused(folders, capsys):
     assert "000007" in capsys.readouterr().err
 
 
-def test_an_interval_holds_the_figure_and_closes_where_all_frames_are_alike():
+def test_an_interval_holds_the_figure_and_closes_where_all_frames_are_equal():
     rng = np.random.default_rng(2)
     labels = [objects(rng, 8, ("Car",)) for _ in range(40)]
     result = evaluate(pair_frames(labels, [as_detections(rng, some, 0.03) for some in labels])).results["Car"]["3d"][2]

@@ -81,7 +81,7 @@ def test_a_loss_that_needs_two_corrections_is_shared_evenly():
     assert lost.alone["size"] == lost.alone["height"] == pytest.approx(0)
 
 
-def test_what_nothing_was_found_of_is_missed():
+def test_what_was_not_detected_is_missed():
     kind, lost = sole_loss(perfect(scene()[0])[:3])
     assert kind == "misses" and lost.ap == pytest.approx(75) and lost.share["misses"] == pytest.approx(25)
 
@@ -90,7 +90,7 @@ def surer(detections: Labels, score: float = 2.0) -> Labels:
     return replace(detections, score=np.full(len(detections), score))
 
 
-def test_a_sure_box_where_nothing_is_labelled_is_a_false_alarm():
+def test_a_confident_box_where_nothing_is_labelled_is_a_false_alarm():
     astray = surer(moved(perfect(scene()[0])[:1], slice(0, 1), location=[15, 0, 0]))
     kind, lost = sole_loss(perfect(scene()[0]).followed_by(astray))
     assert kind == "false_alarms" and lost.faults.false_alarms.sum() == FRAMES
@@ -130,14 +130,14 @@ def test_boxes_are_measured_along_and_across_the_line_of_sight():
     assert max(whole.spread.values()) == pytest.approx(0, abs=1e-9)
 
 
-def test_errors_are_found_where_they_are():
+def test_errors_are_detected_where_they_are():
     far = moved(perfect(scene()[0]), slice(3, 4), location=[0, 0.6, 0])
     faults = find_faults(pair_frames(scene(), [far] * FRAMES), "Car", "3d")
     by = {part.name: part.gain["height"] for part in parts_of_loss(faults, None, None)["distance"]}
     assert by["20–30 m"] == pytest.approx(100 - 75 * 0.75) and by["0–10 m"] == by["10–20 m"] == pytest.approx(0)
 
 
-def test_draws_of_frames_that_are_alike_give_no_interval():
+def test_draws_of_frames_that_are_equal_give_no_interval():
     found = [moved(perfect(scene()[0]), slice(0, 1), location=[0, 0.5, 0])] * FRAMES
     faults = find_faults(pair_frames(scene(), found), "Car", "3d")
     lost = split_loss(faults, draw_frames(FRAMES, 5, np.random.default_rng(0)))

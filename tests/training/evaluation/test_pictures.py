@@ -38,7 +38,7 @@ def test_what_fits_is_orange_and_what_does_not_is_red(tiny_drive):
     assert area(high, _RED) > 200  # fits from above, not in 3D
 
 
-def test_unsure_detections_are_left_out(tiny_drive):
+def test_detections_with_low_scores_are_left_out(tiny_drive):
     unsure = drawn(tiny_drive, lambda labels: replace(labels, score=labels.score * 0.1))
     assert area(unsure, _ORANGE) == area(unsure, _RED) == 0 and area(unsure, _GREEN) > 200
 

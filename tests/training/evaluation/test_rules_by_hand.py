@@ -69,7 +69,7 @@ def test_half_the_answers_false_and_surer_halve_the_precision():
     assert result.r40 == pytest.approx(50)
 
 
-def test_a_van_found_as_a_car_is_neither_hit_nor_false():
+def test_a_van_detected_as_a_car_is_neither_hit_nor_false():
     labels = [cars()] * _MANY + [cars(kind="Van")] * 30
     result = scored(labels, [sure(cars())] * _MANY + [sure(cars(), 2.0)] * 30)["3d"][1]
     assert result.r40 == pytest.approx(100)

@@ -47,7 +47,7 @@ def test_refining_by_the_exact_residual_gives_the_object_up_to_a_half_turn():
 
 
 @pytest.mark.parametrize("offset", [0.78539, -math.pi / 2])
-def test_a_heading_known_to_half_a_turn_and_its_half_give_the_heading(offset):
+def test_a_heading_up_to_half_a_turn_and_its_half_give_the_heading(offset):
     yaw = torch.linspace(-3.1, 3.1, 200)
     ambiguous = yaw + math.pi * (torch.arange(200) % 2)
     found = with_direction(ambiguous, direction_of(yaw, offset), offset)

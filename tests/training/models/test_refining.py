@@ -30,10 +30,10 @@ def refiner() -> PointRefiner:
     return net
 
 
-def seen(places=((12.0, 3.0), (20.0, -6.0))) -> tuple[torch.Tensor, torch.Tensor]:
+def seen(positions=((12.0, 3.0), (20.0, -6.0))) -> tuple[torch.Tensor, torch.Tensor]:
     """Points (n, 5) on cars, and boxes (m, 7) with a small offset."""
     rng = np.random.default_rng(0)
-    boxes = np.array([[x, y, GROUND_M + 0.75, 3.9, 1.6, 1.5, 0.4 + y] for x, y in places])
+    boxes = np.array([[x, y, GROUND_M + 0.75, 3.9, 1.6, 1.5, 0.4 + y] for x, y in positions])
     points = np.concatenate([car_points(box, rng) for box in boxes])
     boxes += rng.normal(0, 0.1, boxes.shape)
     return tuple(torch.tensor(some, dtype=torch.float32) for some in (np.insert(points, 0, 0, axis=1), boxes))

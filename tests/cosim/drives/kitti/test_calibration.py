@@ -47,14 +47,14 @@ def test_a_point_ahead_is_at_the_principal_point_and_left_is_left() -> None:
     assert np.isnan(uv[3]).all()
 
 
-def test_the_tracking_spelling_reads_alike() -> None:
+def test_the_tracking_spelling_reads_equally() -> None:
     text = format_calibration(_random(1))
     tracking = text.replace("R0_rect:", "R_rect").replace("Tr_velo_to_cam:", "Tr_velo_cam")
     tracking = tracking.replace("Tr_imu_to_velo:", "Tr_imu_velo")
     assert format_calibration(parse_calibration(tracking)) == text
 
 
-def test_cameras_may_be_absent_but_not_asked_for() -> None:
+def test_cameras_may_be_absent_but_not_requested() -> None:
     calibration = Calibration(P2=P, R0_rect=np.eye(3), Tr_velo_to_cam=SQUARE)
     assert parse_calibration(format_calibration(calibration)).cameras == (2,)
     with pytest.raises(FormatError, match=r"no P0; cameras with a matrix: \(2,\)"):

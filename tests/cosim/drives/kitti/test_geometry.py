@@ -73,12 +73,12 @@ def _check_against_plain_reader(frame: Frame) -> None:
     assert np.allclose(uv[ahead], (image[:2] / image[2]).T[ahead], atol=1e-3)
 
 
-def test_real_frames_read_alike_through_the_plain_reader(kitti_root: Path) -> None:
+def test_real_frames_are_read_equally_through_the_plain_reader(kitti_root: Path) -> None:
     for frame in Drive(kitti_root):
         _check_against_plain_reader(frame)
 
 
-def test_simulated_frames_read_alike_through_the_plain_reader(drive_root: Path) -> None:
+def test_simulated_frames_are_read_equally_through_the_plain_reader(drive_root: Path) -> None:
     for frame in Drive(drive_root):
         _check_against_plain_reader(frame)
 
@@ -129,7 +129,7 @@ def test_a_box_wholly_ahead_projects_to_the_extent_of_its_corners(x: float, z: f
     assert np.allclose(box, [*uv.min(0), *uv.max(0)])
 
 
-def test_a_box_beside_the_camera_reaches_the_edge_of_the_image_and_one_behind_is_nowhere() -> None:
+def test_a_box_next_to_the_camera_reaches_the_edge_of_the_image_and_one_behind_is_nowhere() -> None:
     beside, behind = [3, 1.7, 0.5], [3, 1.7, -9]
     sizes = [[1.5, 1.7, 4]] * 2
     labels = Labels(("Car",) * 2, *np.zeros((3, 2)), np.zeros((2, 4)), sizes, [beside, behind], [np.pi / 2] * 2)

@@ -70,7 +70,7 @@ def test_the_corners_are_the_same_in_both_axes(seed: int) -> None:
     assert gaps.min(1).max() < 1e-9
 
 
-def test_a_car_ahead_driving_away_looks_as_in_kitti() -> None:
+def test_a_car_ahead_driving_ahead_appears_as_in_kitti() -> None:
     ahead = Boxes(np.array([[20.0, 0, -0.9]]), np.array([[4, 1.7, 1.5]]), np.array([0.0]))
     labels = Labels.from_boxes(ahead, ["Car"], SQUARE)
     assert labels.rotation_y[0] == pytest.approx(-np.pi / 2)

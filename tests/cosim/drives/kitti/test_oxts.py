@@ -15,7 +15,7 @@ _TILT = st.floats(-0.5, 0.5)
 _PLACE = st.floats(-3000, 3000)
 
 
-def _pose(roll: float, pitch: float, yaw: float, place: tuple[float, float, float]) -> np.ndarray:
+def _pose(roll: float, pitch: float, yaw: float, position: tuple[float, float, float]) -> np.ndarray:
     def turn(axis: int, angle: float) -> np.ndarray:
         a, b = [(1, 2), (2, 0), (0, 1)][axis]
         matrix = np.eye(4)
@@ -24,7 +24,7 @@ def _pose(roll: float, pitch: float, yaw: float, place: tuple[float, float, floa
         return matrix
 
     pose = turn(2, yaw) @ turn(1, pitch) @ turn(0, roll)
-    pose[:3, 3] = place
+    pose[:3, 3] = position
     return pose
 
 

@@ -41,7 +41,7 @@ def test_rings_of_a_full_scan_come_back(seed: int, kitti_order: bool, keep: floa
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.sets(st.integers(0, 63), max_size=12))
-def test_the_pattern_tells_which_rings_have_no_return(seed: int, kitti_order: bool, gone: set[int]) -> None:
+def test_the_pattern_shows_which_rings_have_no_return(seed: int, kitti_order: bool, gone: set[int]) -> None:
     points, ring = _scan(seed, kitti_order)
     seen = ~np.isin(ring, list(gone))
     assert np.array_equal(recover_rays(points[seen], 0.1, _ELEVATIONS).ring, ring[seen])

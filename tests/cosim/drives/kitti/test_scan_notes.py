@@ -43,7 +43,7 @@ def test_broken_points_dark_scans_and_empty_ones_are_counted(drive_root: Path) -
     assert any("1 of 1 scans" in note for note in Drive(drive_root).notes(["000002"]))
 
 
-def test_intensities_of_another_scale_are_told(drive_root: Path) -> None:
+def test_intensities_of_another_scale_are_reported(drive_root: Path) -> None:
     points = _points(drive_root, "000000")
     points[:, 3] *= 255
     points.tofile(drive_root / "velodyne/000000.bin")
@@ -73,7 +73,7 @@ def test_points_without_intensity_are_read_when_the_drive_says_so(drive_root: Pa
         Drive(drive_root)
 
 
-def test_a_scan_in_another_order_has_no_rings_and_is_told(drive_root: Path) -> None:
+def test_a_scan_in_another_order_has_no_rings_and_is_reported(drive_root: Path) -> None:
     rng = np.random.default_rng(0)
     (drive_root / "rays/000000.npz").unlink()
     azimuth, level = rng.uniform(-3, 3, 4000), np.zeros(4000)

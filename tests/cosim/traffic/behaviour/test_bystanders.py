@@ -68,7 +68,7 @@ def seen() -> Seen:
     return watch()
 
 
-def test_as_many_parked_cars_as_asked_for_have_somebody_about_them(seen):
+def test_the_requested_number_of_parked_cars_have_people_near_them(seen):
     assert 0.05 * len(seen.parked) < len(seen.people[-1]) < 0.25 * len(seen.parked)
     assert set(seen.people[-1].kinds) == {"pedestrian"}
 
@@ -80,7 +80,7 @@ def test_they_are_at_the_streets_side_behind_and_at_the_kerbs(seen):
     assert seen.sides["kerb"] > 0.1 * total
 
 
-def test_nobody_is_run_over_and_no_car_drives_off_with_somebody_about_it(seen):
+def test_no_person_is_hit_and_no_car_leaves_with_a_person_near_it(seen):
     assert not seen.run_over
     assert not seen.drove_off
 
@@ -100,7 +100,7 @@ def test_the_same_seed_gives_the_same_people():
     assert np.array_equal(one.people[-1].front, other.people[-1].front)
 
 
-def test_none_where_none_are_asked_for():
+def test_none_where_none_are_requested():
     assert not len(watch(20, share=0.0).people[-1])
 
 

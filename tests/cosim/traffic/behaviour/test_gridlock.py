@@ -94,7 +94,7 @@ def test_sumo_lets_them_wait_for_ever(crossing):
     assert not seen.crossed
 
 
-def test_after_long_they_go_one_after_the_other_and_nobody_touches(crossing):
+def test_after_long_they_go_one_after_the_other_without_contact(crossing):
     seen = watch(crossing, 150.0, Gridlock())
     assert set(seen.stood) == set(seen.crossed) == {"southern", "northern"}
     for name, stood in seen.stood.items():

@@ -66,7 +66,7 @@ def test_a_car_takes_every_corner_smoothly_and_stays_on_its_lane(radius, turn, p
 
 @given(speed=st.floats(2, 30), aside=st.floats(0.05, 0.6))
 @settings(max_examples=30, deadline=None)
-def test_a_car_beside_its_lane_comes_back_without_swinging(speed, aside):
+def test_a_car_next_to_its_lane_comes_back_without_swinging(speed, aside):
     path = np.array([[0.0, aside], [40 * speed, aside]])
     front, heading, _, _ = drive(path, speed, aside_m=aside)
     late = front[len(front) // 2 :]
@@ -110,7 +110,7 @@ def test_a_turn_ends_in_the_opposite_lane_and_never_leaves_its_room(width, lengt
     assert (middle + reach).max() <= room.left_m + 0.03 and (middle - reach).min() >= room.right_m - 0.03
 
 
-def test_who_has_no_room_to_turn_is_told_so():
+def test_a_turn_without_space_is_reported():
     with pytest.raises(TurnError, match=r"4\.3 m cannot turn round within 5\.0 m"):
         plan_turn(np.zeros(2), 0.0, "car", CAR, Room(-1.5, 3.5, 2.5, np.zeros((0, 5))), STEP_S)
 
@@ -160,7 +160,7 @@ def test_a_left_hand_bend_leans_the_body_to_the_right():
     assert state[0, 1, 0] > 0
 
 
-def test_a_walker_crosses_a_gap_in_sumos_places_smoothly():
+def test_a_walker_crosses_a_gap_in_sumos_positions_smoothly():
     position, velocity, heading = np.zeros((1, 2)), np.array([[1.3, 0.0]]), np.zeros(1)
     steps, turns = [], []
     for k in range(80):

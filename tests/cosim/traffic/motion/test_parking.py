@@ -32,7 +32,7 @@ LENGTHS, GAPS, ASKEW = st.floats(3.0, 5.0), st.floats(2.5, 4.0), st.floats(-0.06
 
 @given(LENGTHS, GAPS, st.floats(0.4, 2.0), ASKEW)
 @settings(max_examples=40, deadline=None)
-def test_a_car_stands_in_its_place_along_the_kerb(length, ahead, behind, askew):
+def test_a_car_is_in_its_position_along_the_kerb(length, ahead, behind, askew):
     script = back_in(length, ahead, behind, askew)
     assert script is not None
     assert script.front[-1] == pytest.approx([PLACE_M, ASIDE_M], abs=0.05)
