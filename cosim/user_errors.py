@@ -1,4 +1,4 @@
-"""All errors that are the user's to mend, whichever package raises them."""
+"""All errors that the user can fix, of all packages."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def barrier(rng: np.random.Generator) -> Mesh:
 
 
 def scooter(rng: np.random.Generator) -> Mesh:
-    """A motor scooter on its stand, or a light motorcycle."""
+    """A parked motor scooter or light motorcycle."""
     skin = str(rng.choice(["steel_painted", "plastic_bright", "plaster_red", "plastic_dark"]))
     parts = [cylinder(0.25, 0.11, "tyre", 10, "y").moved((x, -0.055, 0.25)) for x in (-0.62, 0.62)]
     parts.append(box((0.75, 0.32, 0.42), (-0.42, 0, 0.55), skin))

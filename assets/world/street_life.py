@@ -51,7 +51,7 @@ def planter(rng: np.random.Generator) -> Mesh:
 
 
 def parked_bicycle(rng: np.random.Generator) -> Mesh:
-    """A bicycle on its stand, leaning slightly."""
+    """A parked bicycle, leaning slightly."""
     metal = str(rng.choice(["steel_painted", "steel_galvanised", "plastic_bright", "chrome"]))
     rear, front, crank = np.array([-0.52, 0, _WHEEL_M]), np.array([0.52, 0, _WHEEL_M]), np.array([-0.07, 0, 0.28])
     saddle, head, bar = np.array([-0.22, 0, 0.88]), np.array([0.36, 0, 0.80]), np.array([0.32, 0, 1.02])

@@ -1,7 +1,7 @@
 """Settings of the diagnosis of driver behaviour, each with its unit, grouped by step.
 
-They were chosen on recordings of town02 with seeds that no benchmark uses. What defines a statistic, such as from which
-gap on a driver is free, stands beside it in `manners`.
+They were chosen on recordings of town02 with seeds that no benchmark uses. Constants that define a statistic, such as
+the gap above which a driver is free, are in `manners`.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def repair_drive(
     on_start: Callable[[int, int], None] = lambda done, total: None,
     on_event: Callable[[Event], None] = lambda event: None,
 ) -> None:
-    """Record the damaged frames of a simulated drive again, and nothing else.
+    """Record only the damaged frames of a simulated drive again.
 
     Args:
         result: what is damaged.

@@ -27,7 +27,7 @@ def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[
         + ([escape(remarks[number])] if remarks else [])
         for number, (name, delta, p_value) in enumerate(rows[:_MOST])
     ]
-    text = "Decrease of the BIC by each candidate alone; a difference above 10 is decisive."
+    text = "Decrease of the BIC by each single candidate; a difference above 10 is decisive."
     text += f" {escape(note)}" if note else ""
     heads = ["", "ΔBIC", "", "p", *([""] if remarks else [])]
     return section("Candidates of the first round", table(heads, cells, words=(4,)), text=text)

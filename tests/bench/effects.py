@@ -1,4 +1,4 @@
-"""Each single effect of the catalogue: what it changes, and that it changes nothing else."""
+"""Each single effect of the catalogue: what it changes, and that other channels do not change."""
 
 from __future__ import annotations
 

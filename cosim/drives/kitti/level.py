@@ -1,7 +1,7 @@
 """Frames of tilted LiDARs in upright axes.
 
-Boxes turn about one axis only. In the axes of a LiDAR that leans by more than a few degrees no such box fits what
-stands on the road; in upright axes with the same origin it does.
+Boxes rotate about one axis only. In the axes of a LiDAR that is tilted by more than a few degrees no such box fits an
+object on the road; in upright axes with the same origin it does.
 """
 
 from __future__ import annotations

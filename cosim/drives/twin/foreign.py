@@ -1,4 +1,4 @@
-"""The materials of a drive's twin, whoever wrote it."""
+"""The materials of a drive's twin, also of twins written by other tools."""
 
 from __future__ import annotations
 

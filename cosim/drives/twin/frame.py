@@ -107,7 +107,7 @@ class Instance:
 
 
 class InstanceTexts:
-    """JSON of instances, kept while they do not stir: most of a town is parked, and stays as it is."""
+    """JSON of instances, cached while they do not move: most of a town's vehicles are parked."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[bytes, str]] = {}

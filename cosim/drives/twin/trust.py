@@ -1,19 +1,19 @@
 """Which beams may be compared with a twin made from labels: `twin/trust/NAME.npz`.
 
-Such a twin holds the ground around the vehicle and the labelled objects, and nothing else. What the file marks are
-*areas*, chosen by how evenly the ground lies there and whether the fitted surface follows it, never single points by
-how well they fit: choosing points would cut the tails off the residuals that are to be studied.
+Such a twin has only the ground around the vehicle and the labelled objects. The file marks *areas*, selected by the
+evenness of the ground and the fit of its surface, never single points by their residuals: selecting points would remove
+the tails of the residuals that are to be studied.
 
-- A measured return is trusted where it lies over a trusted cell, within 0.3 m of the surface in height, or within
-  0.3 m of a labelled object's box.
-- A traced hit is trusted where it is an instance, or static ground in a trusted cell.
-- A beam is compared where its traced hit is trusted and its measured return, if it has one, is trusted as part of the
-  same thing: the ground, or the same object's box. A return from elsewhere is something that nobody labelled standing
-  in front, or the outline of a model that is not quite the vehicle's.
-- How far the twin may be off is told along: how points scatter about the surface and about the models, in place and in
-  brightness. What is made from points and boxes is known to centimetres and decimetres, not to the laser's millimetres.
-- `ground_range` says whether ranges on the ground mean something: with road seen to one side only, a slope and a
-  sensor that looks too low are the same thing. Intensities and lost returns are good either way.
+- A measured return is trusted over a trusted cell, within 0.3 m of the surface in height, or within 0.3 m of a labelled
+  object's box.
+- A traced hit is trusted if it is an instance, or static ground in a trusted cell.
+- A beam is compared if its traced hit is trusted and its measured return, if any, is trusted as part of the same object:
+  the ground, or the same box. Other returns are from unlabelled objects in front, or from differences between a model
+  and the vehicle.
+- The uncertainty of the twin is included: the scatter of points about the surface and about the models, in position and
+  in brightness. Surfaces made from points and boxes are accurate to centimetres and decimetres, not to millimetres.
+- `ground_range` is whether ranges on the ground are meaningful: if road is visible on one side only, a slope and an
+  elevation error of the sensor cannot be distinguished. Intensities and lost returns are used in any case.
 """
 
 from __future__ import annotations

@@ -85,9 +85,9 @@ class _Person:
 class Bystanders:
     """Adds people near some of the parked vehicles, and keeps them out of the way of traffic.
 
-    They walk round their vehicle between its doors and its end, stay a while at each, step into the street only when
-    nobody comes, and back when somebody would pass too near. Others see them as obstacles (`cosim.traffic.motion`);
-    while they are about, theirs does not drive off.
+    They walk round their vehicle between its doors and its rear, wait at each, enter the street only when it is clear,
+    and return when a vehicle would pass too near. Others treat them as obstacles (`cosim.traffic.motion`); their own
+    vehicle does not leave meanwhile.
 
     Args:
         share: share of the parked vehicles that have a person near them [1].

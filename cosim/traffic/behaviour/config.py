@@ -150,7 +150,7 @@ class BehaviourConfig(BaseModel):
     u_turns_per_min: Rate = Field(default=1.0, description="U-turns away from junctions, per minute in the whole town")
     collisions_per_min: Rate = Field(default=0.4, description="drivers in the town a minute who brake too late")
     collision_stands_s: Annotated[Distribution, within(0, 600)] = Field(
-        default=Uniform(min=15.0, max=45.0), description="time that vehicles stay at the place of a collision [s]"
+        default=Uniform(min=15.0, max=45.0), description="time that vehicles stay at the location of a collision [s]"
     )
     pull_outs_per_min: Rate = Field(default=3.0, description="parked vehicles that drive off in the town a minute")
     pull_ins_per_min: Rate = Field(default=2.0, description="drivers in the town a minute who look for a place to park")
