@@ -7,8 +7,8 @@ the tails of the residuals that are to be studied.
 - A measured return is trusted over a trusted cell, within 0.3 m of the surface in height, or within 0.3 m of a labelled
   object's box.
 - A traced hit is trusted if it is an instance, or static ground in a trusted cell.
-- A beam is compared if its traced hit is trusted and its measured return, if any, is trusted as part of the same object:
-  the ground, or the same box. Other returns are from unlabelled objects in front, or from differences between a model
+- A beam is compared if its traced hit is trusted and its measured return, if any, is trusted as part of one object:
+  the ground, or one box. Other returns are from unlabelled objects in front, or from differences between a model
   and the vehicle.
 - The uncertainty of the twin is included: the scatter of points about the surface and about the models, in position and
   in brightness. Surfaces made from points and boxes are accurate to centimetres and decimetres, not to millimetres.
