@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 _LARGEST_BYTES = 256 << 20
 
 
-def buffers_beside(file: Path) -> FilePathResolver:
+def referenced_buffers(file: Path) -> FilePathResolver:
     """A resolver that opens the `.bin` buffers of a `.gltf` file in its folder, of bounded size; no textures."""
     from trimesh.resolvers import FilePathResolver  # slow to import
 

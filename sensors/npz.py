@@ -37,7 +37,7 @@ def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
             data = member.getvalue()
             entry = zipfile.ZipInfo(f"{name}.npy", _DATE)
             entry.create_system = _UNIX
-            entry.compress_type = zipfile.ZIP_DEFLATED if _worth_deflating(data) else zipfile.ZIP_STORED
+            entry.compress_type = zipfile.ZIP_DEFLATED if _is_compressible(data) else zipfile.ZIP_STORED
             archive.writestr(entry, data, compresslevel=_LEVEL)
     return target.getvalue()
 
@@ -81,7 +81,7 @@ def _array(data: bytes) -> np.ndarray:
     return flat.reshape(shape, order="F" if in_fortran_order else "C").copy()
 
 
-def _worth_deflating(data: bytes) -> bool:
+def _is_compressible(data: bytes) -> bool:
     """Whether a sample from the middle shrinks: azimuths of fanned lasers do not, and cost most."""
     start = max(0, (len(data) - _PROBE_BYTES) // 2)
     sample = data[start : start + _PROBE_BYTES]

@@ -28,7 +28,7 @@ class Option:
 
 
 @lru_cache(maxsize=1)
-def known_options() -> Mapping[str, Option]:
+def list_options() -> Mapping[str, Option]:
     """Every name of every option, short and outdated ones too.
 
     Raises:

@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 
 from sumo_nets.cleaning import Cleaning, named_files, summary
 from sumo_nets.errors import TownError
-from sumo_nets.options import known_options
+from sumo_nets.options import list_options
 from sumo_nets.sumo_files import write_xml
 from sumo_nets.xml_guard import read_xml
 
@@ -100,7 +100,7 @@ def read_scenario(config: Path) -> Scenario:
     options: dict[str, str] = {}
     given, unknown = _given(root)
     for name, value in given:
-        option = known_options()[name]
+        option = list_options()[name]
         if option.section == "configuration":
             raise TownError(f"{config}: <{name}> names another configuration; copy what it holds into this one")
         if option.name in _XML_INPUTS:
@@ -120,11 +120,11 @@ def read_scenario(config: Path) -> Scenario:
 def _given(root: ET.Element) -> tuple[list[tuple[str, str]], list[str]]:
     """Options and values, whatever sections they are listed in; and names that are none."""
     found = []
-    sections = {option.section for option in known_options().values()} | {root.tag}
+    sections = {option.section for option in list_options().values()} | {root.tag}
     unknown = []
     for element in root.iter():
         name = str(element.tag)
-        if element is not root and name in known_options():
+        if element is not root and name in list_options():
             text = element.get("value") or element.get("v") or (element.text or "").strip()
             found.append((name, text))
         elif name not in sections and len(element) == 0:

@@ -12,7 +12,7 @@ import numpy as np
 
 from assets.errors import AssetError
 from assets.external.wavefront import parse_obj
-from assets.gltf_buffers import buffers_beside
+from assets.gltf_buffers import referenced_buffers
 
 _LARGEST_BYTES = 256 << 20
 _MOST_FACES = 4_000_000
@@ -99,7 +99,7 @@ def _read_gltf(data: bytes, file: Path) -> MeshFile:
     import trimesh  # slow to import
 
     kind = file.suffix.lower().lstrip(".")
-    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=buffers_beside(file), process=False)
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=referenced_buffers(file), process=False)
     parts = []
     for node in sorted(scene.graph.nodes_geometry):
         pose, key = scene.graph[node]

@@ -53,7 +53,7 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> tuple[M
     for stops in approaches.values():
         stop = min(stops, key=_lane_number)
         width = sum(lanes[s.lane].width_m if s.lane in lanes else 3.2 for s in stops)
-        spot = _beside(stop.position[:2], stop.heading_rad, streets.left_hand, blocked)
+        spot = _behind_kerb(stop.position[:2], stop.heading_rad, streets.left_hand, blocked)
         if spot is None:
             continue
         reach = 0.0
@@ -73,7 +73,7 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> tuple[M
 def _heads(lane: str, pole: np.ndarray, reach_m: float, left_hand: bool) -> list[SignalHead]:
     """The heads on a pole with a world pose (4, 4)."""
     found = []
-    for place in signs.head_places(reach_m, left_hand=left_hand):
+    for place in signs.head_positions(reach_m, left_hand=left_hand):
         pose = pole.copy()
         pose[:3, 3] += pole[:3, :3] @ place
         found.append(SignalHead(lane, pose))
@@ -85,7 +85,7 @@ def _lane_number(stop: StopLine) -> int:
     return int(tail) if tail.isdigit() else 0
 
 
-def _beside(position: np.ndarray, heading_rad: float, left: bool, blocked: Obstacles) -> np.ndarray | None:
+def _behind_kerb(position: np.ndarray, heading_rad: float, left: bool, blocked: Obstacles) -> np.ndarray | None:
     """The first free spot (1, 2) to the right or left of a lane, reserved; None if there is none."""
     aside = np.array([np.sin(heading_rad), -np.cos(heading_rad)]) * (-1.0 if left else 1.0)
     spots = position + aside * (_SEARCH_M[:, None] + 1.0)
@@ -109,7 +109,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
             kind = str(rng.choice(["speed", "speed", "parking", "warning", "direction"]))
             ahead = polylines.headings(lane.centre, np.array([station]))[0]
             heading = float(np.arctan2(ahead[1], ahead[0]))
-            spot = _beside(polylines.at(lane.centre, np.array([station]))[0], heading, streets.left_hand, blocked)
+            spot = _behind_kerb(polylines.at(lane.centre, np.array([station]))[0], heading, streets.left_hand, blocked)
             if spot is not None:
                 limit = str(round(lane.speed_mps * 3.6 / 10) * 10) if kind == "speed" else ""
                 placed.setdefault((kind, limit), []).append(poses(np.column_stack([spot, stand_z(spot)]), heading))

@@ -67,7 +67,7 @@ def lens(height_m: float, material: str, lifted_m: float = 0.0) -> Mesh:
     return disc.select(disc.normals[:, 0] < -0.5).moved((-0.115 - lifted_m, 0, height_m))
 
 
-def head_places(arm_m: float = 0.0, *, left_hand: bool = False) -> np.ndarray:
+def head_positions(arm_m: float = 0.0, *, left_hand: bool = False) -> np.ndarray:
     """Middles (k, 3) of the heads of a `signal_pole`, in its axes."""
     side = -1.0 if left_hand else 1.0
     return np.array([_LOW_HEAD_M] + ([(-0.2, side * (arm_m - 0.1), 5.55)] if arm_m > 0 else []))
@@ -92,5 +92,5 @@ def signal_pole(arm_m: float = 0.0, *, left_hand: bool = False) -> Mesh:
     if arm_m > 0:
         path = np.array([[0, 0, 5.6], [0, side * arm_m * 0.5, 5.85], [0, side * arm_m, 5.9]])
         parts.append(tube(path, [0.06, 0.05, 0.04], "steel_painted", segments=6))
-        parts.append(signal_head().moved(tuple(head_places(arm_m, left_hand=left_hand)[1])))
+        parts.append(signal_head().moved(tuple(head_positions(arm_m, left_hand=left_hand)[1])))
     return Mesh.merge(parts)

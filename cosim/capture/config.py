@@ -32,7 +32,7 @@ class ConfigError(CosimError):
 _HEAD_BYTES = 4096
 
 
-class MastPlace(BaseModel):
+class MastPosition(BaseModel):
     """Position and heading of the mast of a roadside rig, in SUMO's axes (x east, y north)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -79,7 +79,7 @@ class RunConfig(BaseModel):
     episodes_per_world: int = Field(default=4, ge=1, le=10_000, description="episodes per random world of a town")
     rig_jitter: RigJitter = Field(default=RigJitter(), description="random rotation of the sensor rig in each frame")
     mounts: Mounts = Field(default=Mounts(), description="mounts of LiDAR and cameras of the rig kitti on the vehicle")
-    mast: MastPlace | None = Field(
+    mast: MastPosition | None = Field(
         default=None, description="position of the mast of a roadside rig; none: a random position near traffic"
     )
     navigation: Navigation = Field(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.streets import StreetLane, Streets
-from cosim.capture.config import MastPlace
+from cosim.capture.config import MastPosition
 from cosim.drives.twin import Ego
 from cosim.errors import CosimError
 from cosim.scene.ground import Ground
@@ -46,7 +46,7 @@ class Mast:
         return Ego(pose, np.zeros(3), 0.0, np.zeros(3))
 
 
-def choose_mast(streets: Streets, wanted: MastPlace | None, traffic: np.ndarray, rng: np.random.Generator) -> Mast:
+def choose_mast(streets: Streets, wanted: MastPosition | None, traffic: np.ndarray, rng: np.random.Generator) -> Mast:
     """Place a mast at the requested position, or at the end of a pavement near traffic, facing oncoming vehicles.
 
     Args:
@@ -60,9 +60,9 @@ def choose_mast(streets: Streets, wanted: MastPlace | None, traffic: np.ndarray,
     """
     lanes = [lane for lane in streets.lanes if not lane.internal]
     if wanted is not None:
-        return _place_at(lanes, wanted)
+        return _pose_at(lanes, wanted)
     walks = [lane for lane in lanes if lane.use == "sidewalk"] or [lane for lane in lanes if lane.use == "drive"]
-    masts = [mast for lane in walks if (mast := _place_at_end(lane)) is not None]
+    masts = [mast for lane in walks if (mast := _pose_at_end(lane)) is not None]
     if not masts:
         raise MastError(
             f"{streets.name}: no street is at least {_MIN_LENGTH_M:g} m long, so no position can be chosen; give `mast`"
@@ -75,7 +75,7 @@ def choose_mast(streets: Streets, wanted: MastPlace | None, traffic: np.ndarray,
     return masts[int(rng.choice(nearest))]
 
 
-def _place_at(lanes: list[StreetLane], wanted: MastPlace) -> Mast:
+def _pose_at(lanes: list[StreetLane], wanted: MastPosition) -> Mast:
     points = np.concatenate([lane.centre for lane in lanes])
     position = np.array([wanted.x_m, wanted.y_m])
     low, high = points[:, :2].min(0) - 50, points[:, :2].max(0) + 50
@@ -89,7 +89,7 @@ def _place_at(lanes: list[StreetLane], wanted: MastPlace) -> Mast:
     return Mast(wanted.x_m, wanted.y_m, float(nearest[2]), float(np.radians(wanted.heading_deg)))
 
 
-def _place_at_end(lane: StreetLane) -> Mast | None:
+def _pose_at_end(lane: StreetLane) -> Mast | None:
     """Place a mast at the end of a pavement, or next to the end of a lane, facing back along it."""
     steps = np.linalg.norm(np.diff(lane.centre[:, :2], axis=0), axis=1)
     if steps.sum() < _MIN_LENGTH_M:

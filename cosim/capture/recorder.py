@@ -26,7 +26,7 @@ from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
 from cosim.scene.ground import Ground
-from cosim.scene.lamps import base_of, lit_mesh, signal_models, with_lamps, with_signals
+from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.traffic.actors import Actors
 from sensors.scene import Instances
@@ -213,7 +213,7 @@ class Recorder:
     def _mesh(self, name: str) -> Mesh:
         if name not in self._meshes:
             base, lamps = base_of(name)
-            self._meshes[name] = lit_mesh(self._mesh(base), lamps) if lamps else build_model(name)
+            self._meshes[name] = glowing_mesh(self._mesh(base), lamps) if lamps else build_model(name)
         return self._meshes[name]
 
     def _write_models(self, names: tuple[str, ...]) -> None:

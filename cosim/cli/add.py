@@ -47,13 +47,13 @@ def add_command(commands: Any) -> None:
 def execute(options: argparse.Namespace, console: Console) -> None:
     """Fit the effect, then write the sensor file."""
     from cosim.discrepancy import add
-    from cosim.discrepancy.add import known_parameters
+    from cosim.discrepancy.add import fixed_parameters
     from cosim.discrepancy.data.checks import opened
     from sensors.effects.registry import find_effect
     from sensors.sensor_model import load_sensor
 
     effect = find_effect(options.effect)
-    fixed = known_parameters(effect, _parse_parameters(options.param))
+    fixed = fixed_parameters(effect, _parse_parameters(options.param))
     sensor, drive = load_sensor(options.sensor), opened(chosen_lidar(options.drive, options))
     with explained(options.out):
         options.out.parent.mkdir(parents=True, exist_ok=True)

@@ -44,14 +44,14 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.evaluation.comparable import parse_classes, rename_classes
     from training.evaluation.page import format_page
     from training.evaluation.pictures import detection_pictures
-    from training.evaluation.slices import scans_beside
+    from training.evaluation.slices import neighbouring_scans
 
     demand_draws(options)
     with ProgressReport(console, "reading") as report:
         scored = read_results(options.detections, options.labels, options.frames)
         scored = rename_classes(scored, parse_classes(options.classes))
         report.begin(f"scoring {len(scored.names):,} frames")
-        drive = scans_beside(options.labels)
+        drive = neighbouring_scans(options.labels)
         evaluation = evaluate(scored, points=_label_points(scored, drive))
         intervals = _intervals(evaluation, options)
         parts = _parts(evaluation, drive)

@@ -53,7 +53,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from training.evaluation import read_results
     from training.evaluation.comparable import demand_comparable_classes, parse_classes, rename_classes
     from training.evaluation.losses import SETS_MENDED, as_json, drawn_frames, find_losses, format_losses
-    from training.evaluation.slices import scans_beside
+    from training.evaluation.slices import neighbouring_scans
 
     demand_draws(options)
     inputs = _input_sets(options)
@@ -71,7 +71,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
                 options.name,
                 options.difficulty,
                 title,
-                drive=scans_beside(labels),
+                drive=neighbouring_scans(labels),
                 times=drawn,
                 on_set=report.advance,
             )

@@ -104,7 +104,7 @@ def add(
     kind = find_effect(effect) if isinstance(effect, str) else effect
     drive = opened(drive)
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    fixed, kind = known_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
+    fixed, kind = fixed_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
     context = context_of(drive, model, seed=seed)
     effects = context.initial_effects
     index = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
@@ -130,7 +130,7 @@ def add(
     )
 
 
-def known_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, Any]:
+def fixed_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, Any]:
     """Validate user-supplied parameters of an effect.
 
     Raises:

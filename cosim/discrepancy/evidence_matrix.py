@@ -118,16 +118,16 @@ def _coefficients(result: GroupTest | None) -> EvidenceCurve | EvidenceGrid | No
     if covariate is None or kept is None or covariate.name == "constant":
         return None
     if not covariate.parts:
-        return EvidenceCurve(_places(covariate, kept), y, sigma, covariate.unit)
+        return EvidenceCurve(_bin_positions(covariate, kept), y, sigma, covariate.unit)
     first, second = covariate.parts
     tables = []
     for values in (y, sigma):
         table = np.full(len(first) * len(second), np.nan)
         table[kept] = values
         tables.append(table.reshape(len(first), len(second)))
-    ends = [_places(part, np.arange(len(part))) for part in (first, second)]
+    ends = [_bin_positions(part, np.arange(len(part))) for part in (first, second)]
     return EvidenceGrid(ends[0], ends[1], tables[0], tables[1])
 
 
-def _places(covariate: Covariate, bins: np.ndarray) -> Axis:
+def _bin_positions(covariate: Covariate, bins: np.ndarray) -> Axis:
     return tuple(covariate.labels[row] for row in bins) if covariate.labels else covariate.centres[bins]

@@ -144,7 +144,7 @@ class _Diagnosis:
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
         measured, ids = self._case.measured, self._case.fitted
         evidence = gather_evidence(measured, runs, self._by)
-        rows = np.array([self._place[column] for column in evidence.columns], int)
+        rows = np.array([self._index[column] for column in evidence.columns], int)
         directions = {name: slopes[rows] for name, slopes in self._directions.items()}
         return _Look(
             config,
@@ -164,7 +164,7 @@ class _Diagnosis:
         return estimator.slopes_together(self._case.behaviour, self._case.measured.columns)
 
     @cached_property
-    def _place(self) -> dict[Column, int]:
+    def _index(self) -> dict[Column, int]:
         return {column: number for number, column in enumerate(self._case.measured.columns)}
 
     def _improve(self, look: _Look) -> _Look | None:
@@ -237,7 +237,7 @@ class _Diagnosis:
     def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, after: _Look, fall: Fall) -> None:
         name = attempt.behaviour.name
         self._say(f"adding {name}")
-        least = attempt.gain - self._by.alike_errors * max(attempt.error, 1.0)
+        least = attempt.gain - self._by.similar_errors * max(attempt.error, 1.0)
         alike = tuple(
             other.behaviour.name
             for other in tries
@@ -305,7 +305,7 @@ class _Diagnosis:
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""
-        rows = np.array([self._place[column] for column in last.all.columns], int)
+        rows = np.array([self._index[column] for column in last.all.columns], int)
         found: dict[str, dict[str, float]] = {}
         for name, slope in self._directions.items():
             ratio = np.abs(slope[rows]) / (last.all.sigma * (last.significance.critical + self._by.power))[:, None]

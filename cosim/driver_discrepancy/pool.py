@@ -48,7 +48,7 @@ class Simulations:
     ) -> None:
         self._workers = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
         self._given = (demand, network, frame, observation, step_s)
-        self._pool = self._begun()
+        self._pool = self._started()
         self._done: dict[tuple[str, int], Summary] = {}
 
     def __enter__(self) -> Self:
@@ -79,14 +79,14 @@ class Simulations:
             except BrokenProcessPool:
                 deaths = 1 if len(self._done) > before else deaths + 1
                 self._pool.shutdown()
-                self._pool = self._begun()
+                self._pool = self._started()
                 if deaths > _MOST_DEATHS:
                     raise TrafficError(
                         "SUMO dies of a simulation again and again; try another number of --seeds"
                     ) from None
         return [self._done[key] for key in keys]
 
-    def _begun(self) -> ProcessPoolExecutor:
+    def _started(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
             self._workers, multiprocessing.get_context("spawn"), initializer=_begin, initargs=self._given
         )

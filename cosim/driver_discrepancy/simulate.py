@@ -59,7 +59,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
         _run(command, demand, behaviour, seed, step_s)
         tracks = _as_far_as_measured(_without_parking(read_fcd(output), demand), demand)
     if demand.lateral_m == 0:
-        tracks = _beside_the_middle(tracks, behaviour, seed)
+        tracks = _offset_from_centre(tracks, behaviour, seed)
     types = {trip.name: trip.base[0] for trip in demand.trips}
     return replace(tracks, types=tuple(types[name] for name in tracks.ids))
 
@@ -115,7 +115,7 @@ def _as_far_as_measured(tracks: Tracks, demand: Demand) -> Tracks:
     return take_rows(tracks, keep)
 
 
-def _beside_the_middle(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:
+def _offset_from_centre(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:
     """The same with each driver's lateral position in the lane."""
     offset = np.array([draw_habits(behaviour, seed, name).lane_offset_m for name in tracks.ids], float)
     if not offset.any():
@@ -141,4 +141,4 @@ def record(
             if number >= warm_up:
                 recorder.add(actors)
             driving.step()
-    return _beside_the_middle(recorder.tracks(), behaviour, seed)
+    return _offset_from_centre(recorder.tracks(), behaviour, seed)

@@ -31,7 +31,7 @@ def write_sensor(sensor: SensorModel, path: Path, plugins: Mapping[str, tuple[st
     values = yaml.safe_load(sensor.to_yaml())
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        values["pattern"] = _pattern_beside(sensor.pattern, path)
+        values["pattern"] = _write_pattern(sensor.pattern, path)
         for entry, effect in zip(values["effects"], sensor.effects, strict=True):
             if effect.name in (plugins or {}):
                 name, source = (plugins or {})[effect.name]
@@ -45,7 +45,7 @@ def write_sensor(sensor: SensorModel, path: Path, plugins: Mapping[str, tuple[st
     return path
 
 
-def _pattern_beside(pattern: Pattern, path: Path) -> str:
+def _write_pattern(pattern: Pattern, path: Path) -> str:
     """What the sensor file calls its pattern, which is written if need be."""
     default = path.parent / "pattern.yaml"
     taken = default.is_file() and not _is(pattern, default)

@@ -42,7 +42,7 @@ def with_lamps(instances: Instances, signals: np.ndarray, time_s: float) -> Inst
         signals: (n,) SUMO's signal bit sets.
         time_s: time of the instant, for the phase of the indicators [s].
     """
-    lit_lamps = [_lit_lamps(name, int(bits), time_s) for name, bits in zip(instances.ids, signals, strict=True)]
+    lit_lamps = [_active_lamps(name, int(bits), time_s) for name, bits in zip(instances.ids, signals, strict=True)]
     if not any(lit_lamps):
         return instances
     models = tuple(
@@ -58,7 +58,7 @@ def base_of(model: str) -> tuple[str, str]:
     return name, lamps
 
 
-def lit_mesh(mesh: Mesh, lamps: str) -> Mesh:
+def glowing_mesh(mesh: Mesh, lamps: str) -> Mesh:
     """Mesh with lit lamps; unchanged if the model has no lamps."""
     materials = mesh.materials.copy()
     tail, head = material_index("tail_lamp"), material_index("headlamp")
@@ -92,7 +92,7 @@ def with_signals(
         (head, colour)
         for head in heads
         if head.lane in states and np.linalg.norm(head.pose[:3, 3] - position) < _MAX_DISTANCE_M
-        for colour in _lit_lenses(states[head.lane], time_s)
+        for colour in _active_lenses(states[head.lane], time_s)
     ]
     if not lit_lamps:
         return instances
@@ -119,14 +119,14 @@ def without_signals(images: Images, instances: int) -> Images:
     return replace(images, number=np.where(images.number > instances, 0, images.number).astype(images.number.dtype))
 
 
-def _lit_lamps(name: str, bits: int, time_s: float) -> str:
+def _active_lamps(name: str, bits: int, time_s: float) -> str:
     phase = zlib.crc32(name.encode()) / 2**32
     is_on = (time_s * _BLINKING_HZ + phase) % 1.0 < 0.5
     left, right = bits & (_LEFT | _EMERGENCY), bits & (_RIGHT | _EMERGENCY)
     return ("b" if bits & _BRAKE else "") + ("l" if left and is_on else "") + ("r" if right and is_on else "")
 
 
-def _lit_lenses(state: str, time_s: float) -> tuple[str, ...]:
+def _active_lenses(state: str, time_s: float) -> tuple[str, ...]:
     if state == _BLINKING:
         return ("amber",) if time_s * _BLINKING_HZ % 1.0 < 0.5 else ()
     return _LIT_LENSES.get(state, ())

@@ -269,7 +269,7 @@ class Traffic:
                 self._corners.fit(vehicle)
             self._enter(vehicle)
             if api.vehicle.isStoppedParking(vehicle):
-                self._park(vehicle, {**api.vehicle.getSubscriptionResults(vehicle), **self._still})
+                self._park(vehicle, {**api.vehicle.getSubscriptionResults(vehicle), **self._stationary})
         for person in sorted(api.person.getIDList()):
             if self._users.shows(api.person, person):
                 self._attend_person(person)
@@ -308,7 +308,7 @@ class Traffic:
         return abs(stops[0].endPos - api.getLanePosition(vehicle)) < _NEAR_STOP_M
 
     @property
-    def _still(self) -> dict[int, float]:
+    def _stationary(self) -> dict[int, float]:
         constants = self._sumo.constants
         return {constants.VAR_SPEED: 0.0, constants.VAR_ACCELERATION: 0.0}
 
@@ -319,12 +319,12 @@ class Traffic:
             if vehicle in self._far:
                 api.subscribe(vehicle, self._vehicle_variables)
             if vehicle in self._driving or vehicle in self._far:  # asking for others would subscribe to nothing
-                self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._still})
+                self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._stationary})
         if self._arriving and self.time_s > self._began_s + _PARKED_FROM_S:
             for vehicle in sorted(self._arriving):
                 self._attend_vehicle(vehicle)
                 if api.isStoppedParking(vehicle):
-                    self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._still})
+                    self._park(vehicle, {**api.getSubscriptionResults(vehicle), **self._stationary})
             self._arriving.clear()
 
     def _park(self, vehicle: str, values: dict) -> None:

@@ -47,7 +47,7 @@ class VariantWriter(DriveWriter):
                 raise
 
     def write_variant(
-        self, name: str, frame: VariantFrame, linked: Mapping[str, Path], known_sha256: Mapping[str, str]
+        self, name: str, frame: VariantFrame, linked: Mapping[str, Path], expected_sha256: Mapping[str, str]
     ) -> None:
         """Write all files of a frame, then add it to the manifest.
 
@@ -55,13 +55,13 @@ class VariantWriter(DriveWriter):
             name: name of the frame.
             frame: new files of the frame.
             linked: files shared with the source, by path.
-            known_sha256: known checksums of shared files, by path.
+            expected_sha256: known checksums of shared files, by path.
         """
         checksums = {path: hashlib.sha256(data).hexdigest() for path, data in frame.files.items()}
         for path, data in frame.files.items():
             self.write(path, data)
         for path, source in linked.items():
             self.share(path, source)
-            checksums[path] = known_sha256.get(path) or sha256_of(source)
+            checksums[path] = expected_sha256.get(path) or sha256_of(source)
         entry = {"name": name, "counts": frame.counts, "files": list(checksums), "sha256": list(checksums.values())}
         self._append_to(self.folder / MANIFEST, json.dumps(entry, separators=(",", ":")) + "\n")

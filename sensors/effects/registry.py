@@ -44,7 +44,7 @@ def effect_classes() -> dict[str, type[Effect]]:
         try:
             loaded = entry.load()
         except Exception as error:
-            raise SensorError(f"effect {entry.value}: {_told(error)}; fix or uninstall it") from error
+            raise SensorError(f"effect {entry.value}: {_reason(error)}; fix or uninstall it") from error
         found = _checked(loaded, entry.value)
         if found.name in classes:
             raise SensorError(f"effect {entry.value} takes the name {found.name!r}, which is in use; rename it")
@@ -93,7 +93,7 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
             del sys.modules[module_name]
             line = line_of(error, path)
             place = f"{path}, line {line}," if line else f"{path}"
-            raise SensorError(f"effect {text!r}: {place} does not load: {_told(error)}; correct the file") from error
+            raise SensorError(f"effect {text!r}: {place} does not load: {_reason(error)}; correct the file") from error
     if not hasattr(module, name):
         raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
     found = _checked(getattr(module, name), text)
@@ -119,5 +119,5 @@ def _checked(result: object, origin: str) -> type[Effect]:
     return result
 
 
-def _told(error: BaseException) -> str:
+def _reason(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

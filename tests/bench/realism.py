@@ -71,7 +71,7 @@ def rows(ours: Signature, real: Signature) -> Iterator[Row | Gap]:
     """Every quantity, group by group, each group with its distance."""
     yield _row("scan", "points a frame", *(_mean(s.points, np.ones(len(s.points))) for s in (ours, real)))
     yield Gap("scan", "1-Wasserstein distance of points a frame", _wasserstein(ours.points, real.points))
-    yield _row("scan", "scatter of ranges, smooth surfaces [m]", *(_known_mean(s.scatter_m) for s in (ours, real)))
+    yield _row("scan", "scatter of ranges, smooth surfaces [m]", *(_mean_of_known(s.scatter_m) for s in (ours, real)))
     yield from _group("points a visible car", "mean |ln ratio|", _car_points(ours, real))
     like = "points a visible car, by its outline [1/msr]"
     yield from _group(like, "mean |ln ratio|", _car_points(ours, real, like))
@@ -173,7 +173,7 @@ def _mean(values: np.ndarray, weights: np.ndarray | None) -> tuple[float, float]
     return _share(values, np.ones(len(values)) if weights is None else weights)
 
 
-def _known_mean(values: np.ndarray) -> tuple[float, float]:
+def _mean_of_known(values: np.ndarray) -> tuple[float, float]:
     return _mean(values[np.isfinite(values)], None)
 
 
@@ -246,15 +246,15 @@ def _report(options: argparse.Namespace) -> dict[str, list[dict[str, Any]]]:
     for drive in options.drives:
         found = list(rows(measure(FrameSet(drive)), real))
         Console(width=120).print(_table(f"{drive} beside {options.real}", found))
-        result[str(drive)] = _told(found)
+        result[str(drive)] = _as_rows(found)
     if options.variants is not None:
         table, found_by_set = side_by_side(options.variants, real, FrameSet(options.real), names)
         Console(width=180).print(table)
-        result |= {name: _told(found) for name, found in found_by_set.items()}
+        result |= {name: _as_rows(found) for name, found in found_by_set.items()}
     return result
 
 
-def _told(result: list[Row | Gap]) -> list[dict[str, Any]]:
+def _as_rows(result: list[Row | Gap]) -> list[dict[str, Any]]:
     return [
         {"group": item.group, "name": item.name}
         | (

@@ -14,7 +14,7 @@ from cosim.doctor import Finding, can_record, examine
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory) -> dict[str, dict]:
+def reports(tmp_path_factory) -> dict[str, dict]:
     file = tmp_path_factory.mktemp("doctor") / "found.json"
     assert main(["doctor", "--quiet", "--json", str(file)]) == 0
     found = json.loads(file.read_text())
@@ -22,17 +22,17 @@ def told(tmp_path_factory) -> dict[str, dict]:
     return {part["name"]: part for part in found["parts"]}
 
 
-def test_every_part_is_looked_at_in_ten_lines(told):
-    assert list(told) == ["Python", "SUMO", "Embree", "OSMesa", "EGL", "torch", "GPU", "rerun", "Dask", "chromium"]
-    assert all(bool(part["found"]) == part["works"] for part in told.values())
-    assert all(part["remedy"] for name, part in told.items() if name != "Python")
+def test_every_part_is_looked_at_in_ten_lines(reports):
+    assert list(reports) == ["Python", "SUMO", "Embree", "OSMesa", "EGL", "torch", "GPU", "rerun", "Dask", "chromium"]
+    assert all(bool(part["found"]) == part["works"] for part in reports.values())
+    assert all(part["remedy"] for name, part in reports.items() if name != "Python")
 
 
-def test_what_these_tests_themselves_use_works(told):
-    assert version("libsumo") in told["SUMO"]["found"]
-    assert told["Embree"]["found"] == f"embreex {version('embreex')}"
-    assert told["OSMesa"]["works"] or told["EGL"]["works"]
-    assert told["Python"]["works"]
+def test_what_these_tests_themselves_use_works(reports):
+    assert version("libsumo") in reports["SUMO"]["found"]
+    assert reports["Embree"]["found"] == f"embreex {version('embreex')}"
+    assert reports["OSMesa"]["works"] or reports["EGL"]["works"]
+    assert reports["Python"]["works"]
 
 
 def test_a_part_that_fails_or_prints_nothing_is_missing_with_its_remedy(monkeypatch):

@@ -37,7 +37,7 @@ class Floor:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Measured:
     """What was reported, a row a beam."""
 
     found: np.ndarray
@@ -45,7 +45,7 @@ class _Told:
     intensity: np.ndarray
 
     @classmethod
-    def of(cls, scan: Scan) -> _Told:
+    def of(cls, scan: Scan) -> _Measured:
         return cls(scan.found.copy(), scan.range_m.copy(), scan.intensity.copy())
 
 
@@ -73,10 +73,10 @@ def noise_floor(
         def sensor(true: Truth, frame=frame, rng=rng, elapsed=elapsed, known=None) -> Scan:
             return measure(true, twin, frame, beams, rng, elapsed, known)
 
-        first = sensor(_still(truth))
+        first = sensor(_without_noise(truth))
         known = None if truth.bends_at_random else (first.solid, first.pane)
-        ensemble = [_Told.of(sensor(truth, known=known)) for _ in range(members)]
-        data = read_told(drive, frame["frame"], beams)
+        ensemble = [_Measured.of(sensor(truth, known=known)) for _ in range(members)]
+        data = read_measured(drive, frame["frame"], beams)
         clear = ~edges(first)
         for channel, scores in _scores(ensemble, data, clear).items():
             sums[channel].append(float(scores.mean()))
@@ -88,7 +88,7 @@ def noise_floor(
     return Floor(float(np.mean([channels[name] / scale for name, scale in SCALES.items()])), channels)
 
 
-def read_told(drive: Path, name: str, beams: Beams) -> _Told:
+def read_measured(drive: Path, name: str, beams: Beams) -> _Measured:
     """A drive's frame, a row a beam."""
     points = np.fromfile(drive / "velodyne" / f"{name}.bin", "<f4").reshape(-1, 4).astype(float)
     with np.load(drive / "rays" / f"{name}.npz") as rays:
@@ -96,7 +96,7 @@ def read_told(drive: Path, name: str, beams: Beams) -> _Told:
     nominal = beams.azimuth.reshape(beams.rings, beams.firings)
     turned = np.mod(nominal[:, 0][ring] - azimuth, 2 * np.pi)
     row = ring * beams.firings + np.round(turned * beams.firings / (2 * np.pi)).astype(int) % beams.firings
-    told = _Told(np.zeros(len(beams.ring), bool), np.zeros(len(beams.ring)), np.zeros(len(beams.ring)))
+    told = _Measured(np.zeros(len(beams.ring), bool), np.zeros(len(beams.ring)), np.zeros(len(beams.ring)))
     # The reported centre is on the sensor's axis: range = projection on the beam, less the centre's.
     direction, flat = beams.direction[row], np.hypot(points[:, 0], points[:, 1])
     told.range_m[row] = flat / np.hypot(direction[:, 0], direction[:, 1])
@@ -118,7 +118,7 @@ def edges(scan: Scan) -> np.ndarray:
     return near.ravel()
 
 
-def _still(truth: Truth) -> Truth:
+def _without_noise(truth: Truth) -> Truth:
     """The sensor without noise, loss or clutter: only the surfaces."""
     noisy = ("range_noise", "intensity_noise", "random_dropout", "detection_threshold", *CLUTTER)
     aims = {} if truth.bends_at_random else dict(truth.at("aim"))
@@ -126,7 +126,7 @@ def _still(truth: Truth) -> Truth:
     return replace(truth, effects=effects, unseen=aims, outliers=0.0)
 
 
-def _scores(ensemble: list[_Told], data: _Told, clear: np.ndarray) -> dict[str, np.ndarray]:
+def _scores(ensemble: list[_Measured], data: _Measured, clear: np.ndarray) -> dict[str, np.ndarray]:
     found = np.stack([member.found for member in ensemble])
     m, chance = len(ensemble), found.mean(0)
     matched = data.found & (chance >= 0.5) & clear
@@ -151,6 +151,6 @@ def _crps(members: np.ndarray, result: np.ndarray, limit: float) -> np.ndarray:
     return np.abs(members - result).mean(0) - spread / (2 * m * (m - 1))
 
 
-def _spurious(values: _Told, surface: Scan) -> float:
+def _spurious(values: _Measured, surface: Scan) -> float:
     off = np.abs(values.range_m - surface.range_m) > _CLIP_M
     return float((values.found & (off | ~surface.found)).sum())

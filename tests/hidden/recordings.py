@@ -135,7 +135,7 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
     name = "calibrated_from_file" if sensor else "calibrated"
     out = folder / case.name / (name if order == "rings" else f"{name}_{order}")
     own = ["--sensor", file] if sensor else []
-    told, cpu_s = _told(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
+    told, cpu_s = _pattern_findings(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
     latest = {one["effect"]: one for one in _of_points(told["rounds"][0]["effects"])}
     for one in told["rounds"]:
         for finding in one["findings"]:
@@ -160,7 +160,9 @@ def diagnosed(case: Case, folder: Path) -> Answer:
     """What the same points say with the true twin."""
     _, drive, file = made(case, folder)
     out = folder / case.name / "diagnosed"
-    told, cpu_s = _told(out, "diagnose", drive, "--sensor", file, "--frames", _SCANS, "--out", out / "files")
+    told, cpu_s = _pattern_findings(
+        out, "diagnose", drive, "--sensor", file, "--frames", _SCANS, "--out", out / "files"
+    )
     return _answer(told["effects"], told, cpu_s)
 
 
@@ -170,7 +172,7 @@ def _answer(effects: list[dict[str, Any]], values: Mapping[str, Any], cpu_s: flo
     return Answer(effects, shapes, left, cpu_s)
 
 
-def _told(out: Path, *command: object) -> tuple[dict[str, Any], float]:
+def _pattern_findings(out: Path, *command: object) -> tuple[dict[str, Any], float]:
     """The JSON of a command, run now if it has not been, and its CPU seconds."""
     file, cost = out / "told.json", out / "cpu_s.json"
     if not cost.exists():

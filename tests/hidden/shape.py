@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from tests.hidden.drive import Hidden
-from tests.hidden.floor import read_told
+from tests.hidden.floor import read_measured
 from tests.hidden.head import Beams, nominal_beams
 from tests.hidden.physics import NOISE, Truth, measure
 from tests.hidden.process import Version
@@ -68,7 +68,7 @@ def _explained(name: str, parameters: Mapping[str, Any], base: Path, replayed: P
     for row in np.linspace(0, len(frames) - 1, _FRAMES).round().astype(int):
         frame, elapsed = frames[row], frames[row]["time_s"] - frames[0]["time_s"]
         bare, odd = (_measured(one, twin, frame, beams, elapsed) for one in (replace(truth, unseen={}), truth))
-        plain, shaped = (read_told(drive, frame["frame"], beams) for drive in (base, replayed))
+        plain, shaped = (read_measured(drive, frame["frame"], beams) for drive in (base, replayed))
         both = bare.found & odd.found & plain.found & shaped.found
         changes = [(getattr(b, column) - getattr(a, column))[both] for a, b in ((bare, odd), (plain, shaped))]
         same = np.abs(changes).max(0) < (_SAME_SURFACE_M if column == "range_m" else np.inf)

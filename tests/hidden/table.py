@@ -49,7 +49,7 @@ def print_table(versions: Mapping[str, Sequence[Row]]) -> None:
     for item in _ELSEWHERE:
         print(f"{item}: measured on real frames, not here")
     for name, rows in columns.items():
-        _print_kinds(name, rows)
+        _print_types(name, rows)
 
 
 def _lines() -> list[_Line]:
@@ -156,7 +156,7 @@ def _costs() -> list[_Line]:
     return lines
 
 
-def _print_kinds(name: str, rows: Sequence[Row]) -> None:
+def _print_types(name: str, rows: Sequence[Row]) -> None:
     """A line per kind of unseen effect, for one version."""
     items = _asked(UNSEEN_GROUPS, "")
     kinds = sorted({kind for row in rows if row["group"] in UNSEEN_GROUPS for kind in row["kinds"]})

@@ -96,7 +96,7 @@ def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive
     return counts
 
 
-def scans_beside(labels: Path) -> Drive | None:
+def neighbouring_scans(labels: Path) -> Drive | None:
     """Return the drive that contains a folder of labels, or None if it has no scans."""
     folder = labels.resolve().parent
     has_scans = (

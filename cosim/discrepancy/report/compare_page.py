@@ -12,7 +12,7 @@ from cosim.discrepancy.report.explorer_section import Explored, explorer_section
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.words import source_words, times
 from cosim.report import Piece, document, facts, meter, notes_section, section, stacked_bar, table
-from cosim.variants.worth_section import worth_section
+from cosim.variants.detector_section import detector_section
 
 _COLOURS = {
     "noise": "#6b7688", "poses": "#5aa9ff", "objects": "#56c8c0", "map": "#a58bf0", "missing": "#ffb23e",
@@ -77,7 +77,7 @@ def format_comparison(comparison: Comparison, command: str, explored: Explored |
         f"<header><h1>{escape(title)}</h1>{_verdict(comparison, command)}{_figures(comparison)}</header>",
         _budget(comparison),
         _slices(comparison.slices),
-        worth_section(comparison.worth),
+        detector_section(comparison.worth),
         explorer_section(explored, _SIDES, text=text),
         _notes(comparison),
     ]

@@ -20,7 +20,7 @@ from cosim.discrepancy.report.unexplained_section import unexplained_section, un
 from cosim.discrepancy.words import FEW, Vocabulary, implausible_spreads, spread_words, unexplained_words, unknown_words
 from cosim.report import document, notes_section, section
 from cosim.report.phrases import listed
-from cosim.variants.worth_section import worth_section
+from cosim.variants.detector_section import detector_section
 
 _SIDES = ("initial model", "with all findings")
 
@@ -49,7 +49,7 @@ def format_diagnosis(
         f"<header><h1>{escape(title)}</h1>{_verdict(diagnosis, words)}{_next(diagnosis, drive, sensor)}</header>",
         _budget(diagnosis),
         effects_section(diagnosis, words),
-        worth_section(diagnosis.worth),
+        detector_section(diagnosis.worth),
         unknown_section(diagnosis),
         alternatives_section(diagnosis, words),
         unexplained_section(diagnosis),

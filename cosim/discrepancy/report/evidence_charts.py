@@ -70,7 +70,7 @@ def curve_chart(cell: EvidenceCell, title: str) -> str:
     if categories:
         x_axis = Axis(-0.5, len(categories) - 0.5, label, names=_ticks(categories))
     else:
-        places = covariate.factor * np.concatenate([_places(curve, categories) for _, curve in sides])
+        places = covariate.factor * np.concatenate([_bin_positions(curve, categories) for _, curve in sides])
         pad = 0.02 * max(float(np.ptp(places)), 1e-6)
         x_axis = Axis(float(places.min()) - pad, float(places.max()) + pad, label)
     low, high = _limits(axis, [curve for _, curve in sides])
@@ -78,7 +78,7 @@ def curve_chart(cell: EvidenceCell, title: str) -> str:
     plot.line(np.array([x_axis.low, x_axis.high]), np.zeros(2), "zero")
     for number, (style, curve) in enumerate(sides):
         factor = 1.0 if categories else covariate.factor
-        x, half = factor * _places(curve, categories), _STANDARD_ERRORS * curve.sigma
+        x, half = factor * _bin_positions(curve, categories), _STANDARD_ERRORS * curve.sigma
         y, bottom, above = (axis.convert(values) for values in (curve.y, curve.y - half, curve.y + half))
         if categories:
             x = x + (0.16 * number - 0.08) * (len(sides) > 1)
@@ -99,7 +99,7 @@ def categories_of(curves: Sequence[EvidenceCurve]) -> list[str]:
     return [] if all(name.isdigit() for name in names) else list(dict.fromkeys(names))
 
 
-def _places(curve: EvidenceCurve, categories: Sequence[str]) -> np.ndarray:
+def _bin_positions(curve: EvidenceCurve, categories: Sequence[str]) -> np.ndarray:
     if categories and isinstance(curve.x, tuple):
         return np.array([float(categories.index(name)) for name in curve.x])
     return np.array([float(value) for value in curve.x])

@@ -31,7 +31,7 @@ def p_about_fit(model: Model, group: Group, tested: int, settings: Selection, rn
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     fitted, columns = model.fitted, linearisation.fitted.columns
-    place, size = _place(model, group)
+    place, size = _index(model, group)
     if place is None:
         return 1.0
     others = tuple(column for row, column in enumerate(columns) if row != place)
@@ -52,7 +52,7 @@ def p_about_fit(model: Model, group: Group, tested: int, settings: Selection, rn
     return min(worst * tested, 1.0)
 
 
-def _place(model: Model, group: Group) -> tuple[int | None, np.ndarray]:
+def _index(model: Model, group: Group) -> tuple[int | None, np.ndarray]:
     """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
     fitted = model.fitted
     if not group.is_effect:

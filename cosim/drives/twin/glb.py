@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from assets.gltf_buffers import buffers_beside
+from assets.gltf_buffers import referenced_buffers
 from assets.materials import MATERIAL_NAMES, MATERIALS, TABLE, MaterialTable
 from assets.mesh import Mesh
 from cosim.drives.files import read_bytes
@@ -104,7 +104,7 @@ def _shapes(path: str | Path) -> list[tuple[np.ndarray, Any]]:
     if kind == "glb" and data[:4] != _MAGIC:
         raise FormatError(f"{path}: not a binary glTF file (starts with {data[:4]!r}); export it as .glb")
     try:
-        scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=buffers_beside(file))
+        scene = trimesh.load_scene(io.BytesIO(data), process=False, file_type=kind, resolver=referenced_buffers(file))
         shapes = [scene.graph[node] for node in scene.graph.nodes_geometry]
     except Exception as error:  # noqa: BLE001 - trimesh raises whatever its parsers meet in a broken file
         reason = " ".join(f"{type(error).__name__}: {error}".split())

@@ -64,7 +64,7 @@ def format_page(calibration: Calibration) -> str:
             _unexplained(last),
             _advice(last),
             _history(calibration),
-            _not_told(last),
+            _undetermined(last),
             notes_section(last.notes, "What to know"),
         ],
         generator="cosim calibrate",
@@ -316,7 +316,7 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def _not_told(last: Round) -> str:
+def _undetermined(last: Round) -> str:
     words, rows = Vocabulary(), []
     for effect, values in sorted(last.not_told.items()):
         told = [

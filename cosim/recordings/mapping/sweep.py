@@ -148,7 +148,7 @@ def _strength(
 ) -> tuple[float, float]:
     """Maximum-likelihood strength in a section and its standard error."""
     strength, error = 1.0, np.inf
-    poses = _begun(scans, own, strength, numbers)
+    poses = _initial_poses(scans, own, strength, numbers)
     for _ in range(_STEPS):
         surfels, _ = make_surfels(cloud_of(scans, poses, strength * own.motion, numbers), settings)
         if len(surfels) < _FEWEST_SURFELS:
@@ -198,7 +198,7 @@ def _cones(
     return as_is, undone, put_back
 
 
-def _begun(scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int]) -> np.ndarray:
+def _initial_poses(scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int]) -> np.ndarray:
     """Initial poses if this strength of motion is removed from the points."""
     return placed_in_turn(scans, own.poses, scale * own.motion, numbers) if own.from_odometry else own.poses
 
@@ -207,7 +207,7 @@ def _upright_m(
     scans: Sequence[LocalScan], own: Trajectory, scale: float, numbers: Sequence[int], settings: SurfelSettings
 ) -> float:
     """Thickness of upright surfaces, of all where there are few, in a map of points freed of so much motion."""
-    motion, poses = scale * own.motion, _begun(scans, own, scale, numbers)
+    motion, poses = scale * own.motion, _initial_poses(scans, own, scale, numbers)
     surfels, _ = make_surfels(cloud_of(scans, poses, motion, numbers), settings)
     if len(surfels) >= _FEWEST_SURFELS:
         poses = adjusted(scans, poses, motion, numbers, surfels, settings.cell_m)

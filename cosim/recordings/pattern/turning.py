@@ -156,7 +156,7 @@ def _fan(
             _relative(scan.azimuth_rad - sense * 2 * np.pi * np.asarray(scan.time_s) / sweep_s, row, lasers)
             for scan, row in zip(scans, which, strict=True)
         ]
-        return _settled(samples), "times"
+        return _converged(samples), "times"
     if order == "firing by firing":
         return _side_by_side(scans, which, lasers), "firing order"
     if order == "ring by ring" and clockwise is not None:
@@ -237,7 +237,7 @@ def _of_ring_ends(
     return sense * np.where(np.isfinite(most), np.clip(usual, least, np.maximum(least, most)), usual)
 
 
-def _settled(samples: list[np.ndarray]) -> np.ndarray:
+def _converged(samples: list[np.ndarray]) -> np.ndarray:
     """The median over scans, the middle of all lasers at 0, 0 for lasers that are never seen."""
     table = np.array(samples)
     seen = np.isfinite(table).any(0)

@@ -147,7 +147,7 @@ class Bystanders:
         """Add a person near a parked vehicle with the configured probability if its neighbours leave room."""
         car = actors.ids[row]
         rng = np.random.default_rng([self._seed, zlib.crc32(car.encode()), 2])
-        bodies = self._known_bodies(traffic)
+        bodies = self._parked_bodies(traffic)
         if rng.random() >= self._share or not bodies or actors.kinds[row] not in ("car", "van"):
             return
         stops = traffic.api.vehicle.getStops(car, 1)
@@ -165,7 +165,7 @@ class Bystanders:
                 self._people[car] = _Person(car, body, size, way, stations, lane, wants, until_s, at_m, rng)
                 return
 
-    def _known_bodies(self, traffic: Traffic) -> list[tuple[str, np.ndarray]]:
+    def _parked_bodies(self, traffic: Traffic) -> list[tuple[str, np.ndarray]]:
         """vTypes of people on foot that the scenario defines, with their sizes (3,)."""
         if self._bodies is None:
             api = traffic.api.vehicletype

@@ -26,7 +26,7 @@ class _Crash:
     driver: str
     victim: str
     stands_s: float
-    begun_s: float
+    start_s: float
     until_s: float | None = None
 
 
@@ -99,7 +99,7 @@ class Collisions:
         if depth_m >= _DENT_M:
             stage.motion.keep_apart(crash.driver, crash.victim)  # no deeper, wherever SUMO has them
         if crash.until_s is None:
-            late = actors.time_s > crash.begun_s + _LONGEST_S
+            late = actors.time_s > crash.start_s + _LONGEST_S
             if late or actors.lanes[row] != actors.lanes[ahead]:
                 return False
             if depth_m > 0:

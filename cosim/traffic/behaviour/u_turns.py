@@ -31,7 +31,7 @@ class _Turn:
     vehicle: str
     lane: Lane
     back: Lane
-    begun_s: float
+    start_s: float
     keeper: str = ""
     script: Script | None = None
     moved: bool = False
@@ -94,7 +94,7 @@ class UTurns:
             return False
         now = stage.actors.time_s
         if turn.script is None:
-            if now - turn.begun_s > _PATIENCE_S or stage.actors.lanes[row] != turn.lane.id:
+            if now - turn.start_s > _PATIENCE_S or stage.actors.lanes[row] != turn.lane.id:
                 return False
             if stage.actors.speed_mps[row] > 0.02:
                 return True
@@ -107,7 +107,7 @@ class UTurns:
             self._change_sides(stage, turn)
         elif turn.moved and stage.actors.lanes[row] == turn.back.id and not plays:
             return False
-        return plays or now < turn.begun_s + _LONGEST_S
+        return plays or now < turn.start_s + _LONGEST_S
 
     def _ask_for_room(self, stage: Stage, turn: _Turn, row: int) -> bool:
         """Send a keeper into the other direction."""

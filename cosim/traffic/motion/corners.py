@@ -46,14 +46,14 @@ def corner_speed(shape: np.ndarray) -> float:
     Args:
         shape: (k, 2 or 3) middle line, metres.
     """
-    radius = _known_radius(np.asarray(shape, float)[:, :2].tobytes())
+    radius = _radius_of(np.asarray(shape, float)[:, :2].tobytes())
     if radius == float("inf"):
         return radius
     return max(min(np.sqrt(_COMFORT_MPS2 * radius), _YAW_RATE_RADPS * radius), _SLOWEST_MPS)
 
 
 @lru_cache(maxsize=8192)  # lanes of a few towns: every episode needs them again
-def _known_radius(xy: bytes) -> float:
+def _radius_of(xy: bytes) -> float:
     return sharpest_radius(np.frombuffer(xy).reshape(-1, 2))
 
 

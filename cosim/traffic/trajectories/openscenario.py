@@ -54,7 +54,7 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
     ways = {name: _Way(None, []) for name in users}
     _initial(path, scenario, xosc, ways)
     for story in scenario.storyboard.stories:
-        _told(path, story, xosc, ways)
+        _defined_speed(path, story, xosc, ways)
     end_s = max((rows[-1, 0] for way in ways.values() for rows in way.trajectories), default=0.0)
     samples = [sample for name, way in ways.items() for sample in _samples(path, name, way, end_s)]
     return gather(path, samples, users, centred=True)
@@ -163,7 +163,7 @@ def _initial(path: Path, scenario: Any, xosc: Any, ways: dict[str, _Way]) -> Non
                 _take(path, name, action, xosc, ways[name], 0.0)
 
 
-def _told(path: Path, story: Any, xosc: Any, ways: dict[str, _Way]) -> None:
+def _defined_speed(path: Path, story: Any, xosc: Any, ways: dict[str, _Way]) -> None:
     """Trajectories of a story's events."""
     for act in story.acts:
         for group in act.maneuvergroup:
@@ -188,7 +188,7 @@ def _take(path: Path, name: str, action: Any, xosc: Any, way: _Way, start_s: flo
         start_s: start time; None if it is known only in simulation.
     """
     if isinstance(action, xosc.TeleportAction) and start_s == 0:
-        way.stands = _place(path, name, action.position, xosc)
+        way.stands = _position(path, name, action.position, xosc)
     elif isinstance(action, xosc.FollowTrajectoryAction):
         way.trajectories.append(_rows(path, name, action, xosc, start_s))
     elif isinstance(action, xosc.AbsoluteSpeedAction) and start_s == 0:
@@ -209,13 +209,13 @@ def _rows(path: Path, name: str, action: Any, xosc: Any, start_s: float | None) 
         raise TrajectoryError(f"{path}: the trajectory of {name!r} starts when a traffic condition is met, {_REMEDY}")
     begins_s = start_s if timing.reference_domain.get_name() == "relative" else 0.0
     times = np.array(shape.time, float) * float(timing.scale) + float(timing.offset) + (begins_s or 0.0)
-    places = np.array([_place(path, name, one, xosc) for one in shape.positions])
+    places = np.array([_position(path, name, one, xosc) for one in shape.positions])
     if (np.diff(times) <= 0).any() or not np.isfinite(times).all():
         raise TrajectoryError(f"{path}: times of the trajectory of {name!r} do not grow; order its vertices by time")
     return np.column_stack([times, places])
 
 
-def _place(path: Path, name: str, position: Any, xosc: Any) -> np.ndarray:
+def _position(path: Path, name: str, position: Any, xosc: Any) -> np.ndarray:
     """World position: x, y, z, heading, the last two NaN if not given."""
     if not isinstance(position, xosc.WorldPosition):
         raise TrajectoryError(f"{path}: {name!r} has a {type(position).__name__}, {_REMEDY}")

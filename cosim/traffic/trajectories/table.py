@@ -20,7 +20,7 @@ from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.table_heading import turned
 from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
 from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
-from cosim.traffic.trajectories.table_rows import repeated_rows, stray_places, stray_times
+from cosim.traffic.trajectories.table_rows import position_outliers, repeated_rows, time_outliers
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
@@ -117,9 +117,9 @@ def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray
     """Mask (n,) of the rows that are no samples of their own, and a sentence for each reason."""
     time, x, y = (table.values[schema.columns[role]] for role in ("time", "x", "y"))
     twice = repeated_rows(table.user, time, x, y)
-    stray = stray_times(table.user, time) & ~twice
+    stray = time_outliers(table.user, time) & ~twice
     unit_s, metres = schema.time_unit_s, schema.metres
-    away = stray_places(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
+    away = position_outliers(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
     said = []
     if twice.any():
         said.append(f"{int(twice.sum())} rows are there twice: one of each is used")

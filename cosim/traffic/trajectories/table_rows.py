@@ -27,7 +27,7 @@ def repeated_rows(user: np.ndarray, *values: np.ndarray) -> np.ndarray:
     return found
 
 
-def stray_times(user: np.ndarray, time: np.ndarray) -> np.ndarray:
+def time_outliers(user: np.ndarray, time: np.ndarray) -> np.ndarray:
     """(n,) bool: rows beyond a pause that is longer than all that the same road user does on its other side.
 
     At most two rows at each end are outliers; a road user that is absent for long and comes back has more.
@@ -52,7 +52,7 @@ def stray_times(user: np.ndarray, time: np.ndarray) -> np.ndarray:
     return found
 
 
-def stray_places(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+def position_outliers(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
     """(n,) bool: rows whose place a road user would reach and leave far faster than usual, against the way past it.
 
     Args:

@@ -11,7 +11,7 @@ _STATIC_EXPONENT_SIGMA = 0.15
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceLaw:
+class SurfaceModel:
     """Constants of (r1·G + r2)·cosⁿθ, a row an instance and a last one for the static world.
 
     Attributes:
@@ -25,15 +25,15 @@ class SurfaceLaw:
     exponent: np.ndarray
 
 
-def paper_law(rng: np.random.Generator, instances: int) -> SurfaceLaw:
+def paper_model(rng: np.random.Generator, instances: int) -> SurfaceModel:
     """r1 ~ U(0.25, 0.5), r2 ~ U(0.2, 0.3); n ~ U(0, 8) of instances, |N(0, 0.15)| of the static world."""
     rows = instances + 1
     exponent = rng.uniform(0, 8, rows)
     exponent[-1] = abs(rng.normal(0, _STATIC_EXPONENT_SIGMA))
-    return _law(rng.uniform(0.25, 0.5, rows), rng.uniform(0.2, 0.3, rows), exponent)
+    return _model_of(rng.uniform(0.25, 0.5, rows), rng.uniform(0.2, 0.3, rows), exponent)
 
 
-def reference_law(rng: np.random.Generator, instances: int) -> SurfaceLaw:
+def reference_model(rng: np.random.Generator, instances: int) -> SurfaceModel:
     """The published code's constants.
 
     Static world: r1 = 0.4, r2 ~ U(0.2, 0.3), n = |N(0, 0.15)|. Instances: ρ·(m·G + 1 − m) with
@@ -46,11 +46,14 @@ def reference_law(rng: np.random.Generator, instances: int) -> SurfaceLaw:
     r1, r2 = reflectivity * mix, reflectivity * (1 - mix)
     r1[-1], r2[-1] = 0.4, rng.uniform(0.2, 0.3)
     exponent[-1] = abs(rng.normal(0, _STATIC_EXPONENT_SIGMA))
-    return _law(r1, r2, exponent)
+    return _model_of(r1, r2, exponent)
 
 
-def _law(r1: np.ndarray, r2: np.ndarray, exponent: np.ndarray) -> SurfaceLaw:
-    return SurfaceLaw(r1.astype(np.float32), r2.astype(np.float32), exponent.astype(np.float32))
+def _model_of(r1: np.ndarray, r2: np.ndarray, exponent: np.ndarray) -> SurfaceModel:
+    return SurfaceModel(r1.astype(np.float32), r2.astype(np.float32), exponent.astype(np.float32))
 
 
-LAWS: dict[str, Callable[[np.random.Generator, int], SurfaceLaw]] = {"paper": paper_law, "reference": reference_law}
+LAWS: dict[str, Callable[[np.random.Generator, int], SurfaceModel]] = {
+    "paper": paper_model,
+    "reference": reference_model,
+}

@@ -48,7 +48,7 @@ def test_the_density_is_that_of_a_student() -> None:
 
 
 def test_a_beam_returns_from_somewhere_or_not_at_all(view: FittedFrames) -> None:
-    expected = _away_from_bounds(view)
+    expected = _inside_bounds(view)
     sample = replace(view.fitter.sample, intensity=np.zeros(len(expected.seen)), above_m=expected.rise_m)
     sigma, grid = range_spread_m(expected, sample.settings.likelihood), np.linspace(-8, 8, 81)  # of arsinh of deviates
     at_once = float(np.exp(student(np.zeros(1)))[0])  # of every rise here, which equals its expectation
@@ -73,7 +73,7 @@ def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
 
 @pytest.mark.parametrize("channel", ["range", "intensity", "drop"])
 def test_scores_are_slopes_of_the_likelihood(view: FittedFrames, channel: str) -> None:
-    sample, expected = view.fitter.sample, _away_from_bounds(view)
+    sample, expected = view.fitter.sample, _inside_bounds(view)
     score = Evidence.of(sample, residuals_of(sample, expected)).score[channel]  # type: ignore[index]
     up, down = (residuals_of(sample, _moved(expected, channel, by)).loglik for by in (STEP[channel], -STEP[channel]))
     slope = sample.share * (up - down) / (2 * STEP[channel])
@@ -83,7 +83,7 @@ def test_scores_are_slopes_of_the_likelihood(view: FittedFrames, channel: str) -
     np.testing.assert_allclose(sign * slope[clean], score[clean], rtol=2e-3, atol=2e-3 * np.abs(score[clean]).max())
 
 
-def _away_from_bounds(view: FittedFrames) -> Prediction:
+def _inside_bounds(view: FittedFrames) -> Prediction:
     """What is expected, every beam with some chance of not returning."""
     expected = view.fitted.prediction
     seen = np.minimum(expected.seen, 0.9)

@@ -87,7 +87,7 @@ def compared(biased_yard: Yard) -> str:
     return format_comparison(compare(biased_yard.drive, biased_yard.sensor), "cosim diagnose")
 
 
-class Told(NamedTuple):
+class ComparisonFiles(NamedTuple):
     """What `cosim diagnose` left, printed and found."""
 
     folder: Path
@@ -96,7 +96,7 @@ class Told(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def told(biased_yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Told:
+def comparison_files(biased_yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> ComparisonFiles:
     """The diagnosis of the same, as the command makes it."""
     folder, kept, printed = tmp_path_factory.mktemp("told"), [], io.StringIO()
 
@@ -109,17 +109,17 @@ def told(biased_yard: Yard, tmp_path_factory: pytest.TempPathFactory) -> Told:
         patch.chdir(folder)
         patch.setattr("cosim.discrepancy.diagnose", keeping)
         assert main(["diagnose", str(biased_yard.drive), *options]) == 0
-    return Told(folder, printed.getvalue(), kept[0])
+    return ComparisonFiles(folder, printed.getvalue(), kept[0])
 
 
 @pytest.fixture(scope="module")
-def diagnosed(told: Told) -> Diagnosis:
-    return told.diagnosis
+def diagnosed(comparison_files: ComparisonFiles) -> Diagnosis:
+    return comparison_files.diagnosis
 
 
 @pytest.fixture(scope="module")
-def diagnosed_page(told: Told) -> str:
-    return (told.folder / "d/index.html").read_text()
+def diagnosed_page(comparison_files: ComparisonFiles) -> str:
+    return (comparison_files.folder / "d/index.html").read_text()
 
 
 def finding(effect: str = "range_walk", also: tuple[str, ...] = ("incidence_bias",)) -> Finding:
@@ -175,9 +175,11 @@ def test_the_page_survives_any_name(biased_yard: Yard) -> None:
     assert NASTY not in format_diagnosis(diagnosis(finding()), Vocabulary(), NASTY, NASTY)
 
 
-def test_diagnose_writes_its_json_page_and_sensor(told: Told, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(told.folder)
-    assert len(told.printed.strip().splitlines()) == 1
+def test_diagnose_writes_its_json_page_and_sensor(
+    comparison_files: ComparisonFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(comparison_files.folder)
+    assert len(comparison_files.printed.strip().splitlines()) == 1
     found = json.loads(Path("d.json").read_text())
     assert set(found) == {
         "labels",
@@ -235,10 +237,12 @@ def test_beams_of_a_bin_are_those_that_of_the_chart(diagnosed: Diagnosis, diagno
             inside = arrays["bin:range"] == number
             assert np.array_equal(inside, (values >= low[number]) & (values < high[number]))
         # Ranges and residuals of the picture are those of the frame, to the millimetre.
-        told = arrays["1:range"] != -32768
-        assert np.array_equal(told, np.isfinite(scan.after.residuals["range"]))
-        assert arrays["1:range"][told] / 1000 == pytest.approx(scan.after.residuals["range"][told], abs=6e-4)
-        change = (arrays["0:range"][told].astype(int) - arrays["1:range"][told]) / 1000
+        comparison_files = arrays["1:range"] != -32768
+        assert np.array_equal(comparison_files, np.isfinite(scan.after.residuals["range"]))
+        assert arrays["1:range"][comparison_files] / 1000 == pytest.approx(
+            scan.after.residuals["range"][comparison_files], abs=6e-4
+        )
+        change = (arrays["0:range"][comparison_files].astype(int) - arrays["1:range"][comparison_files]) / 1000
         assert np.median(change) == pytest.approx(0.04, abs=0.003)
 
 

@@ -47,10 +47,10 @@ def table(source: Path) -> np.ndarray:
         return np.array([float(row["vert_angle_deg"]) for row in csv.DictReader(file)])
 
 
-def check_lasers(blocks: DualBlock, rings: RingElevation, known_deg: np.ndarray) -> None:
+def check_lasers(blocks: DualBlock, rings: RingElevation, true_deg: np.ndarray) -> None:
     assert blocks.upper_m == pytest.approx(UPPER_M, abs=0.01)
     assert blocks.lower_m == pytest.approx(LOWER_M, abs=0.01)
-    errors_deg = known_deg - np.array(PLAIN.pattern.elevation_deg)
+    errors_deg = true_deg - np.array(PLAIN.pattern.elevation_deg)
     found_deg = np.array(rings.offsets_deg)
     assert np.corrcoef(found_deg, errors_deg)[0, 1] > 0.999
     assert np.sqrt(np.mean((found_deg - errors_deg) ** 2)) < 0.05  # lasers of a block are up to 6 mm from their mean

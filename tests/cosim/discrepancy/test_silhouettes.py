@@ -56,7 +56,7 @@ def _second(sample: Sample) -> np.ndarray:
 
 
 @pytest.fixture
-def known_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+def true_shares(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(likelihood, "shares_of_neither", lambda *of: SHARES)
 
 

@@ -19,7 +19,7 @@ from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import make_yard
 
 
-def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tuple[Any, Any]:
+def _spurious(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tuple[Any, Any]:
     azimuth = np.radians(np.linspace(-179.9, 179.9, 40_000))
     apart = np.abs((np.degrees(azimuth) - middle_deg + 180) % 360 - 180)
     chance = np.where(apart <= width_deg / 2, 0.08, 0.002)
@@ -31,7 +31,7 @@ def _strays(middle_deg: float, width_deg: float, rng: np.random.Generator) -> tu
 
 @pytest.mark.parametrize(("middle", "width"), [(40.0, 50.0), (175.0, 30.0), (-90.0, 120.0)])
 def test_sector_of_spurious_returns_is_detected_also_across_the_seam(middle, width):
-    found = crowded_sector(*_strays(middle, width, np.random.default_rng(5)))
+    found = crowded_sector(*_spurious(middle, width, np.random.default_rng(5)))
     assert abs((found["azimuth_deg"] - middle + 180) % 360 - 180) < 1
     assert found["width_deg"] == pytest.approx(width, abs=1.5)
 

@@ -20,7 +20,7 @@ def town() -> Town:
     return read_town("town01")
 
 
-def true_place(who: int) -> np.ndarray:
+def true_position(who: int) -> np.ndarray:
     """Front bumper of two vehicles at 10 and 12 m/s, eastwards and northwards."""
     way = (10.0 + 2 * who) * TIMES
     return np.column_stack([way, np.zeros(len(way))] if who == 0 else [np.full(len(way), 5.0), way])
@@ -32,7 +32,7 @@ def check(tracks: Tracks) -> None:
     for who in range(2):
         rows = tracks.vehicle == who
         assert tracks.time_s[rows] - tracks.time_s.min() == pytest.approx(TIMES, abs=1e-6)
-        assert tracks.place[rows] == pytest.approx(true_place(who), abs=0.02)
+        assert tracks.place[rows] == pytest.approx(true_position(who), abs=0.02)
         assert tracks.speed_mps[rows] == pytest.approx(10.0 + 2 * who, rel=1e-3)
         assert np.cos(tracks.heading_rad[rows] - who * np.pi / 2) == pytest.approx(1.0, abs=1e-6)
 
@@ -40,7 +40,7 @@ def check(tracks: Tracks) -> None:
 def loop_rows(offset_s: float = 0.0) -> list[str]:
     rows = []
     for who in range(2):
-        for time_s, (x, y) in zip(TIMES, true_place(who), strict=True):
+        for time_s, (x, y) in zip(TIMES, true_position(who), strict=True):
             rows.append(f"{time_s + offset_s:.3f},v{who},{x},{y},{10 + 2 * who},{90 * who}")
     return rows
 
@@ -62,7 +62,7 @@ def test_ind(tmp_path: Path, town: Town) -> None:
     lines = ["recordingId,trackId,frame,xCenter,yCenter,heading,width,length,xVelocity,yVelocity"]
     for who in range(2):
         ahead = np.array([[1.0, 0.0], [0.0, 1.0]])[who]
-        for frame, place in enumerate(true_place(who) - 2.0 * ahead):
+        for frame, place in enumerate(true_position(who) - 2.0 * ahead):
             vx, vy = (10 + 2 * who) * ahead
             lines.append(f"0,{who},{frame},{place[0]},{place[1]},{90 * who},1.8,4.0,{vx},{vy}")
     (tmp_path / "00_tracks.csv").write_text("\n".join(lines))
@@ -77,7 +77,7 @@ def test_highd(tmp_path: Path, town: Town) -> None:
     lines = ["frame,id,x,y,width,height,xVelocity,yVelocity"]
     for who in range(2):
         ahead = np.array([[1.0, 0.0], [0.0, 1.0]])[who]
-        for frame, place in enumerate(true_place(who) - 2.0 * ahead):
+        for frame, place in enumerate(true_position(who) - 2.0 * ahead):
             vx, vy = (10 + 2 * who) * ahead
             corner = place[0] - 2.0, -place[1] - 0.9
             lines.append(f"{frame},{who},{corner[0]},{corner[1]},4.0,1.8,{vx},{-vy}")
@@ -90,7 +90,7 @@ def test_highd(tmp_path: Path, town: Town) -> None:
 def test_ngsim(tmp_path: Path, town: Town) -> None:
     lines = ["Vehicle_ID,Frame_ID,Global_Time,Global_X,Global_Y,v_Vel,v_Class"]
     for who in range(2):
-        for frame, place in enumerate(true_place(who) / 0.3048):
+        for frame, place in enumerate(true_position(who) / 0.3048):
             time_ms = 1118846979700 + 200 * frame
             lines.append(f"{who},{frame},{time_ms},{place[0]},{place[1]},{(10 + 2 * who) / 0.3048},2")
     path = tmp_path / "ngsim.csv"
@@ -102,7 +102,7 @@ def test_sumos_table(tmp_path: Path, town: Town) -> None:
     lines = ["timestep_time;vehicle_id;vehicle_x;vehicle_y;vehicle_angle;vehicle_type;vehicle_speed;vehicle_lane"]
     for step, time_s in enumerate(TIMES):
         for who in range(2):
-            x, y = true_place(who)[step]
+            x, y = true_position(who)[step]
             lines.append(f"{time_s:.2f};v{who};{x:.2f};{y:.2f};{90 - 90 * who};car;{10 + 2 * who};a_0")
     path = tmp_path / "fcd.csv"
     path.write_text("\n".join([*lines, ""]))

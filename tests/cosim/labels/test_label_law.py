@@ -18,13 +18,13 @@ def rows(rng: np.random.Generator, a: float, b: float, mood_m: float, tracks: in
     return LabelRows(track, loss, gap, np.full(len(track), 0.5), 0.04 + 0.5 * (a + b * gap[:, 2]))
 
 
-def judged(seed: int, a: float, b: float, mood_m: float, by: Certainty | None = None) -> LabelFinding:
+def diagnosed(seed: int, a: float, b: float, mood_m: float, by: Certainty | None = None) -> LabelFinding:
     drawn = rows(np.random.default_rng(seed), a, b, mood_m)
     return _test_bias(drawn, None, by or Certainty(), np.random.default_rng(seed))
 
 
 def test_the_equation_is_detected() -> None:
-    found = judged(1, 0.15, 0.2, 0.03)
+    found = diagnosed(1, 0.15, 0.2, 0.03)
     assert found.verdict == "missing"
     assert found.a_m == pytest.approx((0.15,) * 3, abs=0.03)
     assert found.b == pytest.approx((0.2,) * 3, abs=0.03)
@@ -33,15 +33,15 @@ def test_the_equation_is_detected() -> None:
 
 
 def test_wavering_annotators_seldom_alarm() -> None:
-    verdicts = [judged(seed, 0.0, 0.0, 0.05).verdict for seed in range(40)]
+    verdicts = [diagnosed(seed, 0.0, 0.0, 0.05).verdict for seed in range(40)]
     assert verdicts.count("missing") <= 5
 
 
 def test_the_significance_level_can_be_set() -> None:
-    usual = judged(1, 0.15, 0.2, 0.03)
-    surer = judged(1, 0.15, 0.2, 0.03, Certainty(coverage=0.99, power=1.28))
+    usual = diagnosed(1, 0.15, 0.2, 0.03)
+    surer = diagnosed(1, 0.15, 0.2, 0.03, Certainty(coverage=0.99, power=1.28))
     assert usual.ci95 is not None
     assert surer.ci95 is not None
     assert np.all(np.ptp(surer.ci95["a_m"], axis=1) > np.ptp(usual.ci95["a_m"], axis=1))
     assert np.all(np.array(surer.smallest_m) > usual.smallest_m), "to be seen with 90 % power takes more"
-    assert judged(1, 0.15, 0.2, 0.03, Certainty(level=usual.p_value / 2)).verdict == "none"
+    assert diagnosed(1, 0.15, 0.2, 0.03, Certainty(level=usual.p_value / 2)).verdict == "none"

@@ -92,19 +92,19 @@ def write_pcd(path: Path, points: np.ndarray, *more: tuple[str, np.ndarray | Non
     path.write_bytes(("\n".join(lines) + "\n").encode() + record.tobytes())
 
 
-def times_of(points: np.ndarray, stray_s: float, count: int) -> np.ndarray:
+def times_of(points: np.ndarray, outlier_s: float, count: int) -> np.ndarray:
     """Firing times [ns] of a sweep of 0.1 s, the first points with a time of their own."""
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     times = ((np.pi - azimuth) / (2 * np.pi) * 1e8).astype("u4")
-    times[:count] = int(stray_s * 1e9)
+    times[:count] = int(outlier_s * 1e9)
     return times
 
 
 @pytest.mark.parametrize(("stray_s", "count"), [(0.36, 20), (3.9, 3), (0.5, 60)])
-def test_time_outliers_are_left_out_and_counted(stray_s, count, tmp_path):
+def test_time_outliers_are_left_out_and_counted(outlier_s, count, tmp_path):
     for number in range(3):
         points = scan(float(number), number)
-        write_pcd(tmp_path / f"{number:06d}.pcd", points, ("t", times_of(points, stray_s, count), "u4", 1))
+        write_pcd(tmp_path / f"{number:06d}.pcd", points, ("t", times_of(points, outlier_s, count), "u4", 1))
     found = open_recording(tmp_path)
     assert found[0].time_s is not None and found[0].time_s.max() == pytest.approx(0.1, abs=2e-3)
     assert found[0].left_out == {"time outside the sweep": count}

@@ -28,7 +28,7 @@ def written(folder: Path, result: list[Scan]) -> Path:
     return folder
 
 
-def found_in(folder: Path, out: Path) -> dict:
+def estimate_pattern_of(folder: Path, out: Path) -> dict:
     file = out / "found.json"
     assert main(["pattern", str(folder), "--out", str(out / "found.yaml"), "--json", str(file), "--quiet"]) == 0
     return json.loads(file.read_text())
@@ -39,7 +39,7 @@ def found_in(folder: Path, out: Path) -> dict:
 )
 def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_path: Path) -> None:
     pattern = load_pattern(name)
-    result = found_in(written(tmp_path / "scans", scans(pattern, "shuffled")), tmp_path)
+    result = estimate_pattern_of(written(tmp_path / "scans", scans(pattern, "shuffled")), tmp_path)
     assert result["lasers"] == pattern.rings and result["points_on_a_beam_share"] > 0.99
     np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.02)
     assert result["firings"] == pattern.firings and result["order"] == "unordered"
@@ -48,7 +48,7 @@ def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_
 @pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
 def test_the_order_of_points_changes_no_elevation_and_gives_the_azimuth_offsets(order: str, tmp_path: Path) -> None:
     pattern = load_pattern("hdl64e_kitti")
-    result = found_in(written(tmp_path / "scans", scans(pattern, order)), tmp_path)
+    result = estimate_pattern_of(written(tmp_path / "scans", scans(pattern, order)), tmp_path)
     np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.001)
     off = np.array(result["azimuth_offset_deg"]) - np.array(pattern.azimuth_offset_deg)
     step = 360 / pattern.firings
@@ -68,7 +68,7 @@ def test_two_optical_centres_are_two_blocks(tmp_path: Path) -> None:
         lower = np.degrees(elevation) < -8.7
         xyz = scan.xyz + np.where(lower, 0.12, 0.20)[:, None] * [0, 0, 1]
         raised.append(Scan(scan.name, xyz))
-    result = found_in(written(tmp_path / "scans", raised), tmp_path)
+    result = estimate_pattern_of(written(tmp_path / "scans", raised), tmp_path)
     np.testing.assert_allclose(result["block_centre_m"], [0.20, 0.12], atol=0.002)
     np.testing.assert_allclose(result["elevation_deg"], pattern.elevation_deg, atol=0.02)
     assert load_pattern(str(tmp_path / "found.yaml")).block == pattern.block
@@ -131,7 +131,7 @@ def test_too_few_points_are_refused(tmp_path: Path) -> None:
 @pytest.mark.skipif(not (SAMPLES / "nebula/velodyne_vlp16.pcd").is_file(), reason="COSIM_SCAN_SAMPLES has no samples")
 def test_a_real_vlp16_agrees_with_its_own_columns(tmp_path: Path) -> None:
     file = SAMPLES / "nebula/velodyne_vlp16.pcd"
-    result = found_in(file, tmp_path)
+    result = estimate_pattern_of(file, tmp_path)
     data = pytest.importorskip("pypcd4").PointCloud.from_path(file).pc_data
     own = np.unique(np.degrees(np.arcsin(data["elevation"])).round(3))  # the driver stores the sine
     nearest = np.abs(np.array(result["elevation_deg"])[:, None] - own).min(1)

@@ -11,7 +11,7 @@ from assets import CATALOGUE, Mesh, build_model
 from assets.materials import MATERIAL_NAMES
 from assets.world import SignalHead
 from assets.world.signs import signal_head
-from cosim.scene.lamps import base_of, lit_mesh, signal_models, with_lamps, with_signals, without_signals
+from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals, without_signals
 from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
 from sensors.cameras import CLASSES, CameraRenderer, Light, semantic_image
@@ -60,7 +60,7 @@ def test_people_on_foot_have_no_lamps():
 @pytest.mark.parametrize("model", sorted({spec.body: name for name, spec in CATALOGUE.items()}.values()))
 def test_every_body_lights_its_lamps_where_they_belong(model):
     mesh = build_model(model)
-    braking, left = lit_mesh(mesh, "b"), lit_mesh(mesh, "l")
+    braking, left = glowing_mesh(mesh, "b"), glowing_mesh(mesh, "l")
     assert np.array_equal(braking.vertices, mesh.vertices)
     tail = mesh.materials == MATERIAL_NAMES.index("tail_lamp")
     assert np.array_equal(braking.materials == MATERIAL_NAMES.index("lamp_brake"), tail)
@@ -78,7 +78,9 @@ def seen(things: Instances, world: Mesh):
 
     def load(name: str) -> Mesh:
         base, lamps = base_of(name)
-        return models[name] if name in models else lit_mesh(build_model(base), lamps) if lamps else build_model(base)
+        return (
+            models[name] if name in models else glowing_mesh(build_model(base), lamps) if lamps else build_model(base)
+        )
 
     with CameraRenderer(world, load, Light(), width=320, height=240) as renderer:
         return renderer.render(pose, P, things)

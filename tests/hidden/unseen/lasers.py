@@ -77,7 +77,7 @@ def _truth_drift(p: Parameters, world: World) -> tuple[Finding, ...]:
 
 
 def _draw_dead_or_weak(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
-    rings = _lit_rings(world)
+    rings = _rings_with_returns(world)
     if len(rings) < 2:
         raise NotApplicableError
     first, second = (int(ring) for ring in rng.choice(rings, 2, replace=False))
@@ -86,7 +86,7 @@ def _draw_dead_or_weak(rng: np.random.Generator, level: str, world: World) -> di
     return p | {"loss": uniform(rng, 0.3, 0.6), "gain": round(1 - min(2 * amplitude(rng, level, "intensity"), 0.8), 4)}
 
 
-def _lit_rings(world: World) -> list[int]:
+def _rings_with_returns(world: World) -> list[int]:
     found = np.mean([scan.found.reshape(world.beams.rings, -1).mean(1) for scan in world.scans], axis=0)
     return [int(ring) for ring in np.flatnonzero(found >= _SHARE_HIT)]
 
@@ -108,7 +108,7 @@ def _truth_dead_or_weak(p: Parameters, world: World) -> tuple[Finding, ...]:
 
 
 def _draw_swap(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
-    rings = _lit_rings(world)
+    rings = _rings_with_returns(world)
     pairs = [
         (one, other) for one in rings for other in rings if _FEWEST_RINGS_BETWEEN <= other - one <= _MOST_RINGS_BETWEEN
     ]

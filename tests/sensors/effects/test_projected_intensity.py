@@ -9,7 +9,7 @@ from scipy import stats
 from assets.mesh import Mesh
 from assets.shapes import box
 from sensors.camera_view import CameraView
-from sensors.effects.light.surface_laws import paper_law, reference_law
+from sensors.effects.light.surface_laws import paper_model, reference_model
 from sensors.scene import Scene
 from sensors.shot import Shot
 from sensors.tracing import Tracer
@@ -99,17 +99,17 @@ def test_plates_and_signs_saturate_whatever_the_light():
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), things=st.integers(0, 40))
 def test_constants_lie_within_the_published_ranges(seed, things):
-    law = paper_law(np.random.default_rng(seed), things)
+    law = paper_model(np.random.default_rng(seed), things)
     assert ((law.r1 >= 0.25) & (law.r1 <= 0.5) & (law.r2 >= 0.2) & (law.r2 <= 0.3)).all()
     assert ((law.exponent >= 0) & (law.exponent <= 8)).all() and law.exponent[-1] < 1
-    law = reference_law(np.random.default_rng(seed), things)
+    law = reference_model(np.random.default_rng(seed), things)
     reflectivity = (law.r1 + law.r2)[:-1]
     assert ((reflectivity > 0.079) & (reflectivity < 0.501)).all() and law.r1[-1] == np.float32(0.4)
     assert (law.exponent <= 3).all()
 
 
 def test_exponents_of_vehicles_are_spread_evenly_over_0_to_8():
-    law = paper_law(np.random.default_rng(5), 4000)
+    law = paper_model(np.random.default_rng(5), 4000)
     assert stats.kstest(law.exponent[:-1] / 8, "uniform").pvalue > 0.01
 
 

@@ -15,25 +15,25 @@ def table(beam, value, number=0):
     return Returns(**{**vars(made), "return_no": np.full(n, number, np.uint8)})
 
 
-@given(mine=beams, theirs=beams)
-def test_replacing_beams_takes_the_other_table_s_rows_where_it_has_some(mine, theirs):
-    after = table(mine, 1.0).replacing_beams(table(theirs, 2.0))
-    expected = {**dict.fromkeys(mine, 1.0), **dict.fromkeys(theirs, 2.0)}
+@given(own=beams, theirs=beams)
+def test_replacing_beams_takes_the_other_table_s_rows_where_it_has_some(own, theirs):
+    after = table(own, 1.0).replacing_beams(table(theirs, 2.0))
+    expected = {**dict.fromkeys(own, 1.0), **dict.fromkeys(theirs, 2.0)}
     assert after.beam.tolist() == sorted(expected)
     assert after.range_m.tolist() == [expected[beam] for beam in sorted(expected)]
 
 
-@given(mine=beams, theirs=beams)
-def test_of_a_beam_with_two_returns_both_are_replaced(mine, theirs):
-    twice = table(mine, 1.0).merged(table(mine, 3.0, number=1))
+@given(own=beams, theirs=beams)
+def test_of_a_beam_with_two_returns_both_are_replaced(own, theirs):
+    twice = table(own, 1.0).merged(table(own, 3.0, number=1))
     after = twice.replacing_beams(table(theirs, 2.0))
-    left = [beam for beam in mine if beam not in theirs]
+    left = [beam for beam in own if beam not in theirs]
     assert after.beam.tolist() == sorted([*left, *left, *theirs])
 
 
-@given(mine=beams, theirs=beams)
-def test_merging_loses_nothing_and_sorts_by_beam_and_number(mine, theirs):
-    both = table(theirs, 2.0, number=1).merged(table(mine, 1.0))
+@given(own=beams, theirs=beams)
+def test_merging_loses_nothing_and_sorts_by_beam_and_number(own, theirs):
+    both = table(theirs, 2.0, number=1).merged(table(own, 1.0))
     rows = list(zip(both.beam.tolist(), both.return_no.tolist(), strict=True))
-    assert rows == sorted([*((beam, 0) for beam in mine), *((beam, 1) for beam in theirs)])
+    assert rows == sorted([*((beam, 0) for beam in own), *((beam, 1) for beam in theirs)])
     assert (both.range_m == np.where(both.return_no == 1, 2.0, 1.0)).all()

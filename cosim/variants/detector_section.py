@@ -8,7 +8,7 @@ from cosim.report import section, signed, table
 from cosim.variants.worth import Interval, Worth
 
 
-def worth_section(worth: Worth | None) -> str:
+def detector_section(worth: Worth | None) -> str:
     """HTML of the section; empty without a result.
 
     Args:
