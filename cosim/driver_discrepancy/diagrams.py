@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.driver_discrepancy.summary import Summary
+from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot
 
 _GAP_S = 3.0  # between samples of a vehicle, from which its line is interrupted
@@ -30,16 +31,16 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
         "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagrams: all lanes "
         f"of {_street_words(measured)}, one line per vehicle. Of each model the first seed is drawn."
     )
-    swatches = "".join(
-        f'<span><i style="background:var(--{style})"></i> {escape(name)}</span>' for name, style, _ in drawn
+    swatches = Markup().join(
+        fill('<span><i style="background:var(--{})"></i> {}</span>', style, name) for name, style, _ in drawn
     )
-    legend = f'<div class="legend" style="padding-left:0">{swatches}</div>'
-    charts = f'<div class="charts">{"".join(shown)}</div>'
-    return f"<section><h2>Flow, density, space and time</h2><p>{words}</p>{legend}{charts}</section>"
+    legend = fill('<div class="legend" style="padding-left:0">{}</div>', swatches)
+    charts = fill('<div class="charts">{}</div>', Markup().join(shown))
+    return fill("<section><h2>Flow, density, space and time</h2><p>{}</p>{}{}</section>", words, legend, charts)
 
 
 def _street_words(measured: Summary) -> str:
-    name = f"street {escape(measured.street)}, " if measured.street else ""
+    name = f"street {measured.street}, " if measured.street else ""
     return f"{name}the one on which most distance is driven"
 
 
@@ -55,7 +56,7 @@ def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:
     for _, style, one in drawn:
         for density, flow in one.fundamental.tolist():
             plot.line(np.array([density]), np.array([flow]), style, dots=True)
-    return f"<figure><figcaption><h3>{title}</h3></figcaption>{plot.svg()}</figure>"
+    return fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg())
 
 
 def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:
@@ -70,4 +71,4 @@ def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:
         for part in np.split(rows, cuts):
             if len(part) > 1:
                 plot.line(part[:, 1], np.minimum(part[:, 2], length), style)
-    return f"<figure><figcaption><h3>{escape(title)}</h3></figcaption>{plot.svg()}</figure>"
+    return fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg())

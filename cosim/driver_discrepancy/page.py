@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.channels import CHANNELS
@@ -20,7 +20,7 @@ from cosim.driver_discrepancy.sentences import (
     unexplained_words,
 )
 from cosim.driver_discrepancy.summary import ACCELERATION_BINS, HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
-from cosim.report.html import document
+from cosim.report.html import document, fill
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
@@ -45,17 +45,26 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
     """
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = comparison.worst
-    said = f"The error is <b>{comparison.error:.3f}</b>; the noise floor is {comparison.noise_floor:.3f}. "
+    said = fill("The error is <b>{:.3f}</b>; the noise floor is {:.3f}. ", comparison.error, comparison.noise_floor)
     if row is None:
         said += "No channel differs significantly from the model."
     else:
-        said += (
-            f'<span class="bad">Largest difference</span>: {escape(_words(row))} is {_value(row, row.measured)}, '
-            f"the model has {_value(row, row.model)}."
+        said += fill(
+            '<span class="bad">Largest difference</span>: {} is {}, the model has {}.',
+            _words(row),
+            _value(row, row.measured),
+            _value(row, row.model),
         )
     sections = [
-        f"<header><h1>{escape(config)} against {escape(measured)}</h1><p class=verdict>{said}</p>"
-        f"<p class=next>To find the missing behaviour: <code>{escape(command)}</code></p>{_facts(comparison)}</header>",
+        fill(
+            "<header><h1>{} against {}</h1><p class=verdict>{}</p><p class=next>To find the missing "
+            "behaviour: <code>{}</code></p>{}</header>",
+            config,
+            measured,
+            said,
+            command,
+            _facts(comparison),
+        ),
         _charts(comparison.measured, [("model", comparison.runs)]),
         draw_diagrams(comparison.measured, [("model", comparison.runs)]),
         _groups(comparison, None),
@@ -77,7 +86,7 @@ def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) ->
     models = [("model as given", diagnosis.before.runs)]
     models += [("improved", diagnosis.after.runs)] if diagnosis.effects else []
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(diagnosis)}{_next(diagnosis, measured)}</header>",
+        fill("<header><h1>{}</h1>{}{}</header>", title, _verdict(diagnosis), _next(diagnosis, measured)),
         _falls(diagnosis),
         _findings(diagnosis),
         _groups(diagnosis.before, diagnosis.after if diagnosis.effects else None),
@@ -102,49 +111,54 @@ def _verdict(diagnosis: TrafficDiagnosis) -> str:
         f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; the noise floor is {diagnosis.noise_floor:.3f}"
     )
     if diagnosis.effects:
-        names = [f"<b>{escape(one.behaviour)}</b> ({escape(parameter_words(one))})" for one in diagnosis.effects]
-        parts = [f'<span class="bad">Missing</span>: {"; ".join(names)}.']
+        names = [fill("<b>{}</b> ({})", one.behaviour, parameter_words(one)) for one in diagnosis.effects]
+        parts: list[str] = [fill('<span class="bad">Missing</span>: {}.', Markup("; ").join(names))]
         parts.append(f"With {'it' if len(names) == 1 else 'them'} the error on held-out vehicles goes from {fall}.")
         for one in diagnosis.effects:
             if one.also_possible:
-                others = escape(" or ".join(one.also_possible))
-                parts.append(f'<span class="warn">{one.behaviour} cannot be distinguished from {others}.</span>')
+                others = " or ".join(one.also_possible)
+                parts.append(
+                    fill('<span class="warn">{} cannot be distinguished from {}.</span>', one.behaviour, others)
+                )
             if one.worse:
                 worse = ", ".join(f"{name.replace('_', ' ')} (+{rise:.3f})" for name, rise in one.worse.items())
-                parts.append(f'<span class="warn">{one.behaviour} makes worse: {escape(worse)}.</span>')
+                parts.append(fill('<span class="warn">{} makes worse: {}.</span>', one.behaviour, worse))
     elif diagnosis.unexplained:
-        words = escape(unexplained_words(diagnosis))
-        parts = [f'<span class="warn">Unknown:</span> {words} differ; no behaviour of the catalogue explains it.']
+        words = unexplained_words(diagnosis)
+        parts = [
+            fill('<span class="warn">Unknown:</span> {} differ; no behaviour of the catalogue explains it.', words)
+        ]
     else:
         parts = ["No missing behaviour is significant."]
         parts.append(
             f"The held-out error is {diagnosis.error_before:.3f}; the noise floor is {diagnosis.noise_floor:.3f}."
         )
-        parts.append(f"A change would have been detected with 80 % power: {escape(smallest_words(diagnosis))}.")
+        parts.append(f"A change would have been detected with 80 % power: {smallest_words(diagnosis)}.")
     if diagnosis.effects and diagnosis.unexplained:
-        parts.append(f'<span class="warn">Left unexplained:</span> {escape(unexplained_words(diagnosis))}.')
-    return f'<p class="verdict">{" ".join(parts)}</p>'
+        parts.append(fill('<span class="warn">Left unexplained:</span> {}.', unexplained_words(diagnosis)))
+    return fill('<p class="verdict">{}</p>', Markup(" ").join(parts))
 
 
 def _next(diagnosis: TrafficDiagnosis, measured: str) -> str:
     if not diagnosis.config_out or not diagnosis.effects:
         return ""
     command = f"cosim traffic-compare {measured} --config {diagnosis.config_out}"
-    return (
-        f'<p class="next">The improved configuration is <code>{escape(diagnosis.config_out)}</code>; look at it with '
-        f"<code>{escape(command)}</code></p>"
+    return fill(
+        '<p class="next">The improved configuration is <code>{}</code>; look at it with <code>{}</code></p>',
+        diagnosis.config_out,
+        command,
     )
 
 
 def _facts(comparison: TrafficComparison) -> str:
     items = [("Vehicles", f"{len(comparison.measured.ids):,}"), ("Seconds", f"{comparison.measured.seconds:.0f}")]
     items.append(("Simulations", f"{len(comparison.runs)}"))
-    cells = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in items)
+    cells = Markup().join(fill("<div><dt>{}</dt><dd>{}</dd></div>", name, value) for name, value in items)
     how = (
         "The error is the mean over channels of the continuous ranked probability score of single vehicles, each "
         "compared with itself in the simulations and divided by the channel’s scale."
     )
-    return f"<dl>{cells}</dl><p>{how}</p>"
+    return fill("<dl>{}</dl><p>{}</p>", cells, how)
 
 
 def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
@@ -154,20 +168,22 @@ def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
     rows = []
     for group, value in first.items():
         then = last.get(group, float("nan"))
-        style = ' class="bad"' if np.isfinite(then) and then > 1.1 * value + 0.02 else ""
-        cell = f"<td><span{style}>{then:.3f}</span></td>" if after is not None else ""
-        cell += f"<td>{shown.floors.get(group, float('nan')):.3f}</td>"
-        rows.append(f"<tr><th>{escape(group.replace('_', ' '))}</th><td>{value:.3f}</td>{cell}</tr>")
+        style = Markup(' class="bad"') if np.isfinite(then) and then > 1.1 * value + 0.02 else ""
+        cell = fill("<td><span{}>{:.3f}</span></td>", style, then) if after is not None else ""
+        cell += fill("<td>{:.3f}</td>", shown.floors.get(group, float("nan")))
+        rows.append(fill("<tr><th>{}</th><td>{:.3f}</td>{}</tr>", group.replace("_", " "), value, cell))
     rows.append(
-        f"<tr><th>all channels</th><td>{before.error:.3f}</td>"
-        + (f"<td>{after.error:.3f}</td>" if after is not None else "")
-        + f"<td>{shown.noise_floor:.3f}</td></tr>"
+        fill("<tr><th>all channels</th><td>{:.3f}</td>", before.error)
+        + (fill("<td>{:.3f}</td>", after.error) if after is not None else "")
+        + fill("<td>{:.3f}</td></tr>", shown.noise_floor)
     )
-    heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
-    return (
-        f"<section><h2>Error by channel</h2><table><thead><tr><th></th>{heads}<th>noise floor</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table><p>All vehicles. The noise floor is the error of the model against "
-        "itself with another seed. Coloured: larger than before.</p></section>"
+    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
+    return fill(
+        "<section><h2>Error by channel</h2><table><thead><tr><th></th>{}<th>noise floor</th></tr></thead>"
+        "<tbody>{}</tbody></table><p>All vehicles. The noise floor is the error of the model against "
+        "itself with another seed. Coloured: larger than before.</p></section>",
+        heads,
+        Markup().join(rows),
     )
 
 
@@ -194,55 +210,68 @@ def _falls(diagnosis: TrafficDiagnosis) -> str:
     for row, value in enumerate(levels):
         plot.line(np.array([float(row)]), np.array([value]), "whisker", dots=True)
         plot.note(row + 0.05, value + 0.03 * top, f"{value:.3f}", anchor="start")
-    return (
-        "<section><h2>Error on held-out vehicles</h2><p>Every third vehicle, none of which took part in a fit. Rare "
-        "acts such as U-turns change this number little; the statistics below show them.</p>"
-        f'<figure style="max-width:{max(620, 190 * len(names))}px;margin-top:12px">{plot.svg()}</figure></section>'
+    return fill(
+        "<section><h2>Error on held-out vehicles</h2><p>Every third vehicle, none of which took part in "
+        "a fit. Rare acts such as U-turns change this number little; the statistics below show them.</p>"
+        '<figure style="max-width:{}px;margin-top:12px">{}</figure></section>',
+        max(620, 190 * len(names)),
+        plot.svg(),
     )
 
 
 def _findings(diagnosis: TrafficDiagnosis) -> str:
     if not diagnosis.effects:
         return ""
-    rows = "".join(_finding(one) for one in diagnosis.effects)
-    return (
-        "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>is</th>"
-        "<th>95 % interval</th><th>p</th><th>error</th><th>fall, 95 % interval</th><th class=words>equation</th>"
-        "<th class=words>SUMO parameter</th></tr>"
-        f"</thead><tbody>{rows}</tbody></table><p>p is family-wise: the chance that any column of the dictionary would "
-        "differ so much if nothing were missing. Vehicles are the independent units: their signs are flipped. The fall "
+    rows = Markup().join(_finding(one) for one in diagnosis.effects)
+    return fill(
+        "<section><h2>What was missing</h2><table><thead><tr><th></th><th>parameter</th><th>was</th><th>"
+        "is</th><th>95 % interval</th><th>p</th><th>error</th><th>fall, 95 % interval</th><th "
+        "class=words>equation</th><th class=words>SUMO parameter</th></tr></thead><tbody>{}</tbody>"
+        "</table><p>p is family-wise: the chance that any column of the dictionary would differ so much "
+        "if nothing were missing. Vehicles are the independent units: their signs are flipped. The fall "
         "of the error on held-out vehicles: over vehicles and seeds; coloured where it includes zero.</p>"
-        "</section>"
+        "</section>",
+        rows,
     )
 
 
 def _finding(one: TrafficFinding) -> str:
-    cells, span = [], f'rowspan="{len(one.params)}"'
+    cells, span = [], fill('rowspan="{}"', len(one.params))
     behaviour = BEHAVIOURS[one.behaviour]
     for row, name in enumerate(one.params):
-        head = f"<th {span}>{escape(one.behaviour)}</th>" if row == 0 else ""
+        head = fill("<th {}>{}</th>", span, one.behaviour) if row == 0 else ""
         tail = ""
         if row == 0:
-            tail = (
-                f"<td {span}>{escape(p_cell(one.p_value))}</td>"
-                f"<td {span}>{one.error_before:.3f} → {one.error_after:.3f}</td>"
-                f"<td {span}>{_fall(one)}</td>"
-                f'<td {span} class="words">{escape(behaviour.equation)}</td>'
-                f'<td {span} class="words">{escape(behaviour.vtype)}</td>'
+            tail = fill(
+                '<td {}>{}</td><td {}>{:.3f} → {:.3f}</td><td {}>{}</td><td {} class="words">{}</td><td {} '
+                'class="words">{}</td>',
+                span,
+                p_cell(one.p_value),
+                span,
+                one.error_before,
+                one.error_after,
+                span,
+                _fall(one),
+                span,
+                behaviour.equation,
+                span,
+                behaviour.vtype,
             )
         ends = one.ci95.get(name)
         between = f"{ends[0]:.3g} to {quantity(one.behaviour, name, ends[1])}" if ends else ""
         was = quantity(one.behaviour, name, one.before[name])
         shown, _ = fitted_words(one, name)
-        cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{was}</td><td>{shown}</td><td>{between}</td>{tail}</tr>")
-    return "".join(cells)
+        cells.append(
+            fill("<tr>{}<td>{}</td><td>{}</td><td>{}</td><td>{}</td>{}</tr>", head, name, was, shown, between, tail)
+        )
+    return Markup().join(cells)
 
 
 def _fall(one: TrafficFinding) -> str:
     """Interval of the fall of the held-out error; coloured where it includes none."""
     low, high = one.fall_ci95
     text = f"{low:.3f} to {high:.3f}"
-    return text if low > 0 else f'<span class="warn">{text}</span>'
+    return text if low > 0 else fill('<span class="warn">{}</span>', text)
 
 
 def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) -> str:
@@ -262,15 +291,17 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
         plot = Plot(Axis(float(edges[low]), float(edges[high]), label), Axis(0, top, "share", percent=True), title)
         for style, curve in curves:
             plot.steps(edges[low : high + 1], curve[low:high], style, filled=style == "a")
-        figures.append(f"<figure><figcaption><h3>{title}</h3></figcaption>{plot.svg()}</figure>")
+        figures.append(fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg()))
     names = ["measured", *(name for name, _ in models)]
-    legend = "".join(
-        f'<span><i style="background:var(--{style})"></i> {escape(name)}</span>'
+    legend = Markup().join(
+        fill('<span><i style="background:var(--{})"></i> {}</span>', style, name)
         for style, name in zip("abc", names, strict=False)
     )
-    return (
-        f'<section><h2>Distributions</h2><div class="legend" style="padding-left:0">{legend}</div>'
-        f'<div class="charts">{"".join(figures)}</div></section>'
+    return fill(
+        '<section><h2>Distributions</h2><div class="legend" style="padding-left:0">{}</div><div '
+        'class="charts">{}</div></section>',
+        legend,
+        Markup().join(figures),
     )
 
 
@@ -289,16 +320,24 @@ def _statistics(before: Sequence[Row], after: Sequence[Row] | None) -> str:
     rows = []
     for number, row in enumerate(before):
         then = after[number] if after is not None else None
-        cells = "".join(f"<td>{_marked(one)}</td>" for one in (row, then) if one is not None)
+        cells = Markup().join(fill("<td>{}</td>", _marked(one)) for one in (row, then) if one is not None)
         rows.append(
-            f"<tr><th>{escape(_words(row))}</th><td>{_value(row, row.measured)}</td>{cells}"
-            f"<td>{_value(row, row.sigma)}</td><td class=words>{escape(', '.join(shows.get(row.name, [])))}</td></tr>"
+            fill(
+                "<tr><th>{}</th><td>{}</td>{}<td>{}</td><td class=words>{}</td></tr>",
+                _words(row),
+                _value(row, row.measured),
+                cells,
+                _value(row, row.sigma),
+                ", ".join(shows.get(row.name, [])),
+            )
         )
-    heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
-    return (
-        f"<section><h2>Channels</h2><table><thead><tr><th></th><th>measured</th>{heads}<th>1 σ by chance</th>"
-        f"<th class=words>shows</th></tr></thead><tbody>{''.join(rows)}</tbody></table><p>Coloured: differs "
-        "significantly, 5 % family-wise.</p></section>"
+    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
+    return fill(
+        "<section><h2>Channels</h2><table><thead><tr><th></th><th>measured</th>{}<th>1 σ by chance</th>"
+        "<th class=words>shows</th></tr></thead><tbody>{}</tbody></table><p>Coloured: differs "
+        "significantly, 5 % family-wise.</p></section>",
+        heads,
+        Markup().join(rows),
     )
 
 
@@ -310,22 +349,24 @@ def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
         later = then.get((row.name, row.condition, row.level))
         if row.p_value > 0.05 and (later is None or later.p_value > 0.05):
             continue
-        cells = "".join(f"<td>{_marked(one)}</td>" for one in (row, later) if one is not None)
-        cells += "<td>–</td>" if after is not None and later is None else ""
+        cells = Markup().join(fill("<td>{}</td>", _marked(one)) for one in (row, later) if one is not None)
+        cells += Markup("<td>–</td>") if after is not None and later is None else ""
         place = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
-        rows.append(f"<tr><th>{escape(place)}</th><td>{_value(row, row.measured)}</td>{cells}</tr>")
+        rows.append(fill("<tr><th>{}</th><td>{}</td>{}</tr>", place, _value(row, row.measured), cells))
     if not rows:
         return ""
-    heads = "<th>model</th>" if after is None else "<th>model as given</th><th>improved</th>"
-    return (
-        f"<section><h2>Conditions under which channels differ</h2><table><thead><tr><th></th><th>measured</th>{heads}"
-        f"</tr></thead><tbody>{''.join(rows[:40])}</tbody></table></section>"
+    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
+    return fill(
+        "<section><h2>Conditions under which channels differ</h2><table><thead><tr><th></th><th>"
+        "measured</th>{}</tr></thead><tbody>{}</tbody></table></section>",
+        heads,
+        Markup().join(rows[:40]),
     )
 
 
 def _marked(row: Row) -> str:
     text = _value(row, row.model)
-    return f'<span class="bad">{text}</span>' if row.p_value <= 0.05 else text
+    return fill('<span class="bad">{}</span>', text) if row.p_value <= 0.05 else text
 
 
 def _words(row: Row) -> str:
@@ -349,20 +390,21 @@ def _ranking(diagnosis: TrafficDiagnosis) -> str:
 def _smallest(diagnosis: TrafficDiagnosis) -> str:
     if not diagnosis.smallest_detectable:
         return ""
-    rows = "".join(
-        f"<tr><th>{escape(name)}</th><td>{escape(knob)}</td><td>± {escape(quantity(name, knob, value))}</td></tr>"
+    rows = Markup().join(
+        fill("<tr><th>{}</th><td>{}</td><td>± {}</td></tr>", name, knob, quantity(name, knob, value))
         for name, values in diagnosis.smallest_detectable.items()
         for knob, value in values.items()
     )
-    return (
-        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the current model "
-        f"now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>{rows}</tbody></table>"
-        "</section>"
+    return fill(
+        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the "
+        "current model now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>"
+        "{}</tbody></table></section>",
+        rows,
     )
 
 
 def _notes(notes: Sequence[str]) -> str:
     if not notes:
         return ""
-    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    return f'<section class="plain"><ul class="notes">{items}</ul></section>'
+    items = Markup().join(fill("<li>{}</li>", note) for note in notes)
+    return fill('<section class="plain"><ul class="notes">{}</ul></section>', items)

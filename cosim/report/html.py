@@ -1,26 +1,46 @@
-"""HTML document of report pages, self-contained in one file."""
+"""HTML of report pages: Jinja2 templates with automatic escaping.
+
+Plain text is escaped wherever it is inserted; `Markup` is HTML already and is not escaped again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from html import escape
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from cosim.report.style import STYLE
+
+_ENVIRONMENT = Environment(
+    loader=FileSystemLoader(str(files("cosim.report") / "templates")),
+    autoescape=True,
+    undefined=StrictUndefined,
+    keep_trailing_newline=True,
+)
 
 
 def document(title: str, parts: Iterable[str], *, generator: str, style: str = "") -> str:
     """HTML text of a complete document.
 
     Args:
-        title: title, plain text.
-        parts: HTML parts of the body; empty parts are skipped.
+        title: title.
+        parts: parts of the body; empty parts are skipped.
         generator: command that wrote the page.
         style: CSS in addition to the common style.
     """
-    body = "\n".join(part for part in parts if part)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta name="generator" content="{escape(generator)}">\n<title>{escape(title)}</title>\n'
-        f"<style>{STYLE}{style}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
+    body = Markup("\n").join(part for part in parts if part)
+    template = _ENVIRONMENT.get_template("document.html")
+    return template.render(title=title, body=body, generator=generator, style=Markup(STYLE + style))
+
+
+def part(name: str, *values: Any) -> Markup:
+    """HTML of a macro of `templates/parts.html`."""
+    return Markup(getattr(_ENVIRONMENT.get_template("parts.html").module, name)(*values))
+
+
+def fill(html: str, *values: Any) -> Markup:
+    """Insert values into HTML with placeholders as of `str.format`; values that are not `Markup` are escaped."""
+    return Markup(html).format(*values)

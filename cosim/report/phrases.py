@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from markupsafe import Markup
 
 _TINY = 1e-7
 
@@ -17,9 +20,10 @@ def p_cell(p_value: float) -> str:
     return p_words(p_value).removeprefix("p ").removeprefix("= ")
 
 
-def listed(names: list[str], word: str = "and") -> str:
-    """Join names for a sentence: `a, b and c`."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """Join names for a sentence: `a, b and c`; names may be HTML (`Markup`)."""
+    kind = Markup if any(isinstance(name, Markup) for name in names) else str
+    return kind(f" {word} ").join([kind(", ").join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def as_sure(value: float, half: float) -> tuple[str, str]:

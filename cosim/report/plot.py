@@ -1,4 +1,7 @@
-"""Plots as inline SVG: axes, histograms, lines, bands, bars, images. Colours are defined in the page's style."""
+"""Plots as inline SVG: axes, histograms, lines, bands, bars, images.
+
+Texts are escaped here. Colours are defined in the page's style.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 WIDTH, HEIGHT = 560, 300
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 12, 40
@@ -141,7 +145,7 @@ class Plot:
         px, py = self._pixels(np.array([x]), np.array([y]))
         self._parts.append(_text(float(px[0]), float(py[0]), text, anchor, style))
 
-    def svg(self) -> str:
+    def svg(self) -> Markup:
         """SVG text of the plot."""
         width, height = self._size
         left, top, right, bottom = self._frame
@@ -149,7 +153,7 @@ class Plot:
         x, y, w, h = inner.split()
         clip = f'<svg x="{x}" y="{y}" width="{w}" height="{h}" viewBox="{inner}">'
         grid, words = self._grid()
-        return (
+        return Markup(
             f'<svg class="plot" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(self._title)}">'
             f"{grid}{clip}{''.join(self._parts)}</svg>"
             f'<path class="axis" d="M{left} {top}V{bottom}H{right}"/>{words}</svg>'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 from cosim.report.parts import meter, section, table
 from cosim.report.phrases import p_cell
@@ -23,11 +22,10 @@ def ranking_section(rows: Sequence[tuple[str, float, float]], remarks: Sequence[
         return ""
     best = max(max(delta for _, delta, _ in rows), 1e-9)
     cells = [
-        [escape(name), f"{delta:,.0f}", meter(delta / best), escape(p_cell(p_value))]
-        + ([escape(remarks[number])] if remarks else [])
+        [name, f"{delta:,.0f}", meter(delta / best), p_cell(p_value)] + ([remarks[number]] if remarks else [])
         for number, (name, delta, p_value) in enumerate(rows[:_MOST])
     ]
     text = "Decrease of the BIC by each single candidate; a difference above 10 is decisive."
-    text += f" {escape(note)}" if note else ""
+    text += f" {note}" if note else ""
     heads = ["", "ΔBIC", "", "p", *([""] if remarks else [])]
     return section("Candidates of the first round", table(heads, cells, words=(4,)), text=text)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
+
+from markupsafe import Markup
+
+from cosim.report.html import fill
 
 _MIN_SHARE_WITH_VALUE = 0.06  # the values of smaller parts are only shown in the legend
 
@@ -41,18 +44,34 @@ def stacked_bar(pieces: Sequence[Piece], title: str, digits: int = 3) -> str:
         text = value if share > _MIN_SHARE_WITH_VALUE else ""
         if share > 0:
             parts.append(
-                f'<i data-part="{escape(piece.name)}" style="width:{100 * share:.2f}%;background:{piece.colour}" '
-                f'title="{escape(piece.name)} {value}">{text}</i>'
+                fill(
+                    '<i data-part="{}" style="width:{:.2f}%;background:{}" title="{} {}">{}</i>',
+                    piece.name,
+                    100 * share,
+                    piece.colour,
+                    piece.name,
+                    value,
+                    text,
+                )
             )
-        why = f"<small>{escape(piece.why)}</small>" if piece.why else ""
+        why = fill("<small>{}</small>", piece.why) if piece.why else ""
         legend.append(
-            f'<li><i style="background:{piece.colour}"></i><b>{value}</b> {escape(piece.name)}'
-            f" <small>{piece.value / total:.0%}</small>{why}</li>"
+            fill(
+                '<li><i style="background:{}"></i><b>{}</b> {} <small>{:.0%}</small>{}</li>',
+                piece.colour,
+                value,
+                piece.name,
+                piece.value / total,
+                why,
+            )
         )
     summary = ", ".join(f"{piece.name} {_value(piece.value, digits)}" for piece in pieces)
-    return (
-        f'<div class="stack" role="img" aria-label="{escape(title)}: {escape(summary)}">{"".join(parts)}</div>'
-        f'<ul class="stacked">{"".join(legend)}</ul>'
+    return fill(
+        '<div class="stack" role="img" aria-label="{}: {}">{}</div><ul class="stacked">{}</ul>',
+        title,
+        summary,
+        Markup().join(parts),
+        Markup().join(legend),
     )
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from math import isfinite
 
-from cosim.report.html import document
+from markupsafe import Markup
+
+from cosim.report.html import document, fill
 from cosim.stats.charts import STYLES, Chart, label_charts, point_charts, position_charts, scan_charts
 from cosim.stats.compare import DIRECTIONS, Distance
 from cosim.stats.separation_section import STYLE as _SEPARATION_STYLE
@@ -29,9 +30,9 @@ def format_page(
     `separation` is the two-sample test of the first two, or why there is none.
     """
     title = " against ".join(found.title for found in sets[:2])
-    title += "".join(f", with {found.title}" for found in sets[2:])
+    title += Markup().join(f", with {found.title}" for found in sets[2:])
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_facts(sets)}</header>",
+        fill("<header><h1>{}</h1>{}</header>", title, _facts(sets)),
         _absent(sets),
         separation_section(separation),
         _distances(distances, sets),
@@ -62,61 +63,80 @@ def _facts(sets: Sequence[Collected]) -> str:
                 if isfinite(mean):
                     facts.append((f"Intensity, {name}", f"{mean:.3f}"))
                     facts.append((f"Zeros, {name}", f"{zero_share(counts):.1%}"))
-        cells = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
-        rows.append(f'<dl class="{style}">{cells}</dl>')
-    return "".join(rows)
+        cells = Markup().join(fill("<div><dt>{}</dt><dd>{}</dd></div>", name, value) for name, value in facts)
+        rows.append(fill('<dl class="{}">{}</dl>', style, cells))
+    return Markup().join(rows)
 
 
 def _absent(sets: Sequence[Collected]) -> str:
     notes = [f"{found.title}: {note}" for found in sets for note in found.notes]
     if not notes:
         return ""
-    return f'<ul class="absent">{"".join(f"<li>{escape(note)}</li>" for note in notes)}</ul>'
+    return fill('<ul class="absent">{}</ul>', Markup().join(fill("<li>{}</li>", note) for note in notes))
 
 
 def _distances(distances: Sequence[Distance], sets: Sequence[Collected]) -> str:
     if len(sets) < 2:
         return ""
     if not distances:
-        return "<section><h2>Distances</h2><p>The two sets have nothing in common that could be compared.</p></section>"
+        return Markup(
+            "<section><h2>Distances</h2><p>The two sets have nothing in common that could be compared.</p></section>"
+        )
     rows = []
     for item in distances:
         share = min(item.relative / _MOST_RELATIVE, 1)
         chance = item.chance / item.wasserstein * share if item.wasserstein > 0 else 0
         kolmogorov = "" if item.kolmogorov is None else f"{item.kolmogorov:.2f}"
-        tick = f'<b style="left:{min(100 * chance, 100):.1f}%"></b>'
-        bar = f'<span class="meter"><i style="width:{100 * share:.1f}%"></i>{tick}</span>'
+        tick = fill('<b style="left:{:.1f}%"></b>', min(100 * chance, 100))
+        bar = fill('<span class="meter"><i style="width:{:.1f}%"></i>{}</span>', 100 * share, tick)
         rows.append(
-            f"<tr><th>{escape(item.title)}</th><td>{_number(item.wasserstein)}</td>"
-            f"<td>{_number(item.low)} – {_number(item.high)}</td><td>{_number(item.chance)}</td>"
-            f"<td>{_number(item.floor)}</td>"
-            f"<td class=unit>{escape('' if item.unit == '1' else item.unit)}</td>"
-            f"<td>{item.relative:.2f}</td><td class=bar>{bar}</td><td>{kolmogorov}</td></tr>"
+            fill(
+                "<tr><th>{}</th><td>{}</td><td>{} – {}</td><td>{}</td><td>{}</td><td class=unit>{}</td><td>"
+                "{:.2f}</td><td class=bar>{}</td><td>{}</td></tr>",
+                item.title,
+                _number(item.wasserstein),
+                _number(item.low),
+                _number(item.high),
+                _number(item.chance),
+                _number(item.floor),
+                "" if item.unit == "1" else item.unit,
+                item.relative,
+                bar,
+                kolmogorov,
+            )
         )
-    return (
-        f"<section><h2>Distances of {escape(sets[0].title)} from {escape(sets[1].title)}</h2>"
-        "<p>1-Wasserstein distance: how far, on average, one set’s values must move to become the other’s; of "
-        f"positions the mean over {DIRECTIONS} directions of the plane (sliced), distance × height with both axes in "
-        "standard deviations. The interval is drawn over frames; frames of one drive resemble each other, so it is "
-        "rather too narrow. Chance is what two sets of these sizes drawn from both together would show: the tick on "
-        f"the bar. The floor is how far as many frames of {escape(sets[1].title)} alone (at most half) are from its "
-        "rest.</p>"
-        "<table><thead><tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th>floor</th><th></th>"
-        f"<th>in sd of {escape(sets[1].title)}</th><th></th><th>KS</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></section>"
+    return fill(
+        "<section><h2>Distances of {} from {}</h2><p>1-Wasserstein distance: how far, on average, one "
+        "set’s values must move to become the other’s; of positions the mean over {} directions of the "
+        "plane (sliced), distance × height with both axes in standard deviations. The interval is drawn "
+        "over frames; frames of one drive resemble each other, so it is rather too narrow. Chance is "
+        "what two sets of these sizes drawn from both together would show: the tick on the bar. The "
+        "floor is how far as many frames of {} alone (at most half) are from its rest.</p><table><thead>"
+        "<tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th>floor</th><th></th><th>in sd of "
+        "{}</th><th></th><th>KS</th></tr></thead><tbody>{}</tbody></table></section>",
+        sets[0].title,
+        sets[1].title,
+        DIRECTIONS,
+        sets[1].title,
+        sets[1].title,
+        Markup().join(rows),
     )
 
 
 def _section(title: str, charts: Sequence[Chart], layout: str = "") -> str:
     if not charts:
         return ""
-    figures = "\n".join(
-        f'<figure class="{chart.size}"><figcaption><h3>{escape(chart.title)}</h3><p>{escape(chart.text)}</p>'
-        f"</figcaption>"
-        f"{chart.svg}</figure>"
+    figures = Markup("\n").join(
+        fill(
+            '<figure class="{}"><figcaption><h3>{}</h3><p>{}</p></figcaption>{}</figure>',
+            chart.size,
+            chart.title,
+            chart.text,
+            chart.svg,
+        )
         for chart in charts
     )
-    return f'<section><h2>{escape(title)}</h2><div class="charts {layout}">{figures}</div></section>'
+    return fill('<section><h2>{}</h2><div class="charts {}">{}</div></section>', title, layout, figures)
 
 
 def _dimensions(sets: Sequence[Collected]) -> str:
@@ -128,18 +148,32 @@ def _dimensions(sets: Sequence[Collected]) -> str:
             for column in range(3):
                 told = describe(size[:, column])
                 cells.append(
-                    f"<td>{told['mean']:.2f} ± {told['sd']:.2f}</td><td>{told['p5']:.2f} – {told['p95']:.2f}</td>"
+                    fill(
+                        "<td>{:.2f} ± {:.2f}</td><td>{:.2f} – {:.2f}</td>",
+                        told["mean"],
+                        told["sd"],
+                        told["p5"],
+                        told["p95"],
+                    )
                 )
             rows.append(
-                f'<tr><th class="{style}">{escape(found.title)}</th><th>{escape(name)}</th><td>{len(size):,}</td>'
-                f"{''.join(cells)}</tr>"
+                fill(
+                    '<tr><th class="{}">{}</th><th>{}</th><td>{:,}</td>{}</tr>',
+                    style,
+                    found.title,
+                    name,
+                    len(size),
+                    Markup().join(cells),
+                )
             )
     if not rows:
         return ""
-    heads = "".join(f"<th>{side} (m)</th><th>5 – 95 %</th>" for side in ("length", "width", "height"))
-    return (
-        f"<section><h2>Sizes by class</h2><table><thead><tr><th></th><th></th><th>objects</th>{heads}</tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></section>"
+    heads = Markup().join(fill("<th>{} (m)</th><th>5 – 95 %</th>", side) for side in ("length", "width", "height"))
+    return fill(
+        "<section><h2>Sizes by class</h2><table><thead><tr><th></th><th></th><th>objects</th>{}</tr>"
+        "</thead><tbody>{}</tbody></table></section>",
+        heads,
+        Markup().join(rows),
     )
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from html import escape
 
 import cv2
 import numpy as np
+from markupsafe import Markup
 
+from cosim.report.html import fill
 from cosim.report.parts import section, table
 from cosim.report.plot import Axis, Plot, nice_top
 from cosim.stats.two_sample import TwoSample
@@ -36,24 +37,24 @@ def separation_section(test: TwoSample | str | None) -> str:
     if test is None:
         return ""
     if isinstance(test, str):
-        return section(title, f"<p>No two-sample test: {escape(test)}.</p>")
-    a, b = (escape(name) for name in test.information["titles"])
+        return section(title, fill("<p>No two-sample test: {}.</p>", test))
+    a, b = (name for name in test.information["titles"])
     grid, units = test.information["grid"], test.information["units"]
     rows = "lasers" if grid["rows_are_lasers"] else "bins of elevation"
     text = (
         f"Boosted trees name the set of patches of {grid['patch'][0]} {rows} × {grid['patch'][1]} columns of "
         f"{grid['step_deg']:.2f}° within {grid['sector_deg']:.0f}° about the forward direction, from 25 simple "
         f"figures, and are judged on units that took no part in their training ({units[0]} and {units[1]}, unit: "
-        f"{escape(str(test.information['unit']))}). AUC 0.5: they cannot; 1: always. Baseline: the first half of {b} "
+        f"{test.information['unit']!s}). AUC 0.5: they cannot; 1: always. Baseline: the first half of {b} "
         "against its second. The interval counts whole units and leaves the trees as they are."
     )
     return section(
         title,
         _channels(test.channels),
         _regions(test),
-        f"<h3>Single features that distinguish them</h3>{_figures(test.figures, a, b)}",
+        fill("<h3>Single features that distinguish them</h3>{}", _figures(test.figures, a, b)),
         *(
-            f'<h3 class="{style}">Most telling patches of {name}</h3>{_patches(patches)}'
+            fill('<h3 class="{}">Most telling patches of {}</h3>{}', style, name, _patches(patches))
             for style, name, patches in zip("ab", (a, b), test.telling, strict=True)
         ),
         text=text,
@@ -67,7 +68,7 @@ def _channels(channels: Sequence[ChannelResult]) -> str:
         base = item.baseline
         rows.append(
             (
-                escape(item.channel),
+                item.channel,
                 f"{item.sets.auc:.3f}",
                 f"{item.sets.low:.3f} – {item.sets.high:.3f}",
                 "" if item.sets.p_value is None else f"{item.sets.p_value:.3f}",
@@ -84,10 +85,13 @@ def _bar(item: ChannelResult) -> str:
         return 200 * min(max(auc - 0.5, 0.0), 0.5)
 
     low, high, middle = place(item.sets.low), place(item.sets.high), place(item.sets.auc)
-    base = "" if item.baseline is None else f'<u style="left:{place(item.baseline.auc):.1f}%"></u>'
-    return (
-        f'<span class="auc"><i style="left:{low:.1f}%;width:{max(high - low, 0.5):.1f}%"></i>'
-        f'<b style="left:{min(middle, 99):.1f}%"></b>{base}</span>'
+    base = "" if item.baseline is None else fill('<u style="left:{:.1f}%"></u>', place(item.baseline.auc))
+    return fill(
+        '<span class="auc"><i style="left:{:.1f}%;width:{:.1f}%"></i><b style="left:{:.1f}%"></b>{}</span>',
+        low,
+        max(high - low, 0.5),
+        min(middle, 99),
+        base,
     )
 
 
@@ -95,7 +99,7 @@ def _regions(test: TwoSample) -> str:
     channels = [item.channel for item in test.channels]
     rows = [
         (
-            escape(item.title),
+            item.title,
             f"{item.patches[0]:,}",
             f"{item.patches[1]:,}",
             *(f"{item.auc[channel]:.3f}" for channel in channels),
@@ -103,7 +107,7 @@ def _regions(test: TwoSample) -> str:
         for item in test.regions
     ]
     heads = ("where 30 % or more of a patch is", "patches", "of the reference", *(f"AUC, {name}" for name in channels))
-    return f"<h3>Where</h3>{table(heads, rows)}" if rows else ""
+    return fill("<h3>Where</h3>{}", table(heads, rows)) if rows else ""
 
 
 def _figures(figures: Sequence[FigureResult], a: str, b: str) -> str:
@@ -116,14 +120,20 @@ def _figures(figures: Sequence[FigureResult], a: str, b: str) -> str:
             plot.steps(item.edges, share, style)
         more = a if item.is_larger else b
         charts.append(
-            f"<figure><figcaption><h3>{escape(item.title)}</h3><p>{item.channel}; own AUC {item.auc:.3f}, larger in "
-            f"{more}</p></figcaption>{plot.svg()}</figure>"
+            fill(
+                "<figure><figcaption><h3>{}</h3><p>{}; own AUC {:.3f}, larger in {}</p></figcaption>{}</figure>",
+                item.title,
+                item.channel,
+                item.auc,
+                more,
+                plot.svg(),
+            )
         )
-    return f'<div class="charts">{"".join(charts)}</div>'
+    return fill('<div class="charts">{}</div>', Markup().join(charts))
 
 
 def _patches(patches: Sequence[TellingPatch]) -> str:
-    return '<div class="patches">' + "".join(_patch(patch) for patch in patches) + "</div>"
+    return Markup('<div class="patches">') + Markup().join(_patch(patch) for patch in patches) + Markup("</div>")
 
 
 def _patch(patch: TellingPatch) -> str:
@@ -133,9 +143,13 @@ def _patch(patch: TellingPatch) -> str:
         _png(depth, cv2.COLORMAP_TURBO, f"range, {_NEAR_M:.0f} to {_FAR_M:.0f} m, logarithmic"),
         _png(np.clip(intensity, 0, 1), cv2.COLORMAP_INFERNO, "intensity, 0 to 1"),
     ]
-    return (
-        f"<figure><figcaption>frame {escape(patch.frame)}, patch {patch.place[0]}, {patch.place[1]}: "
-        f"{patch.probability:.3f}</figcaption>{''.join(pictures)}</figure>"
+    return fill(
+        "<figure><figcaption>frame {}, patch {}, {}: {:.3f}</figcaption>{}</figure>",
+        patch.frame,
+        patch.place[0],
+        patch.place[1],
+        patch.probability,
+        Markup().join(pictures),
     )
 
 
@@ -146,4 +160,4 @@ def _png(values: np.ndarray, colours: int, words: str) -> str:
     picture[~there] = (70, 62, 58)
     large = np.repeat(np.repeat(picture, 2 * _SCALE, 0), _SCALE, 1)
     data = base64.b64encode(cv2.imencode(".png", large)[1].tobytes()).decode()
-    return f'<img alt="{escape(words)}" title="{escape(words)}" src="data:image/png;base64,{data}">'
+    return fill('<img alt="{}" title="{}" src="data:image/png;base64,{}">', words, words, data)

@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 
 from assets.streets import StreetLane, Streets
 from cosim.town_map.relief import relief_picture
@@ -32,7 +33,7 @@ COLOURS = {
 _SIGN_COLOURS = {"signal": "traffic light", "stop": "stop sign", "yield": "gives way"}
 
 
-def town_svg(streets: Streets) -> str:
+def town_svg(streets: Streets) -> Markup:
     """Return a drawing, north up, one unit a metre."""
     points = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
     low, high = points.min(axis=0) - _MARGIN_M, points.max(axis=0) + _MARGIN_M
@@ -51,7 +52,7 @@ def town_svg(streets: Streets) -> str:
         _scale_bar(low),
         "</svg>",
     ]
-    return "\n".join(part for part in parts if part)
+    return Markup("\n".join(part for part in parts if part))
 
 
 def _areas(streets: Streets) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
-from cosim.report.html import document
+from markupsafe import Markup
+
+from cosim.report.html import document, fill
 from cosim.town_map.drawing import COLOURS, town_svg
 from cosim.town_map.facts import TownFacts, town_facts
 from sumo_nets import Town
@@ -31,15 +32,17 @@ _HEADINGS = (
 def write_town_page(towns: Sequence[Town], folder: Path) -> Path:
     """Draw towns on `folder`/index.html, with a table of their figures; returns the page's path."""
     facts = [town_facts(town) for town in towns]
-    legend = "".join(f'<li><i style="background:{colour}"></i>{name}</li>' for name, colour in COLOURS.items())
-    figures = "".join(_figure(town, fact) for town, fact in zip(towns, facts, strict=True))
-    rows = "".join(_row(town, fact) for town, fact in zip(towns, facts, strict=True))
-    head = "".join(f"<th>{heading}</th>" for heading in _HEADINGS)
+    legend = Markup().join(
+        fill('<li><i style="background:{}"></i>{}</li>', colour, name) for name, colour in COLOURS.items()
+    )
+    figures = Markup().join(_figure(town, fact) for town, fact in zip(towns, facts, strict=True))
+    rows = Markup().join(_row(town, fact) for town, fact in zip(towns, facts, strict=True))
+    head = Markup().join(fill("<th>{}</th>", heading) for heading in _HEADINGS)
     parts = [
-        "<h1>Towns</h1>",
-        "<p>North is up; the ground is shaded from low (green) to high (sand), lit from the north-west.</p>",
-        f"<ul>{legend}</ul><main>{figures}</main>",
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>",
+        Markup("<h1>Towns</h1>"),
+        Markup("<p>North is up; the ground is shaded from low (green) to high (sand), lit from the north-west.</p>"),
+        fill("<ul>{}</ul><main>{}</main>", legend, figures),
+        fill("<table><thead><tr>{}</tr></thead><tbody>{}</tbody></table>", head, rows),
     ]
     text = document("Towns", parts, style=_STYLE, generator="cosim towns")
     folder.mkdir(parents=True, exist_ok=True)
@@ -50,14 +53,14 @@ def write_town_page(towns: Sequence[Town], folder: Path) -> Path:
 
 def _figure(town: Town, facts: TownFacts) -> str:
     words = f"{facts.lane_km:.1f} km of lanes, {facts.junctions} junctions, {facts.parking_lots} parking lots"
-    title = f"<h2>{escape(town.name)} – {escape(town.style)}</h2>"
-    return f"<figure>{title}{town_svg(town.streets)}<figcaption>{words}</figcaption></figure>"
+    title = fill("<h2>{} – {}</h2>", town.name, town.style)
+    return fill("<figure>{}{}<figcaption>{}</figcaption></figure>", title, town_svg(town.streets), words)
 
 
 def _row(town: Town, facts: TownFacts) -> str:
     cells = (
-        escape(town.name),
-        escape(town.style),
+        town.name,
+        town.style,
         facts.junctions,
         facts.lights,
         facts.crossings,
@@ -70,4 +73,4 @@ def _row(town: Town, facts: TownFacts) -> str:
         ", ".join(map(str, facts.lanes)),
         ", ".join(f"{limit} ({km:.1f} km)" for limit, km in facts.limits_km.items()),
     )
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    return Markup("<tr>") + Markup().join(fill("<td>{}</td>", cell) for cell in cells) + Markup("</tr>")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from cosim.report import section, signed, table
+from cosim.report.html import fill
 from cosim.variants.worth import Interval, Worth
 
 
@@ -23,12 +22,16 @@ def detector_section(worth: Worth | None) -> str:
     )
     for result in order:
         cells = _change(result.change, result.ci95, _verdict(result.change, result.ci95))
-        rows.append([f"without {escape(result.effect)}", f"{result.ap:.1f}", *cells])
-    text = (
-        f"{escape(worth.scored)}, of the detector <code>{escape(worth.detector)}</code> on {worth.frames:,} frames "
-        f"with {worth.objects:,} scored objects. The scans are simulated with the complete model, then without one "
-        "effect at a time; the labels are the same. Changes are relative to the complete model, with 95 % confidence "
-        "intervals from a bootstrap over frames. The effect with the largest change matters most to this detector."
+        rows.append([f"without {result.effect}", f"{result.ap:.1f}", *cells])
+    text = fill(
+        "{}, of the detector <code>{}</code> on {:,} frames with {:,} scored objects. The scans are "
+        "simulated with the complete model, then without one effect at a time; the labels are the same. "
+        "Changes are relative to the complete model, with 95 % confidence intervals from a bootstrap "
+        "over frames. The effect with the largest change matters most to this detector.",
+        worth.scored,
+        worth.detector,
+        worth.frames,
+        worth.objects,
     )
     return section(
         "Average precision without each effect", table(["", "AP", "change", ""], rows, words=(3,)), text=text
@@ -37,7 +40,7 @@ def detector_section(worth: Worth | None) -> str:
 
 def _change(value: float, bounds: Interval, words: str) -> list[str]:
     low, high = bounds
-    return [f"{signed(value)} <small>{signed(low)} – {signed(high)}</small>", words]
+    return [fill("{} <small>{} – {}</small>", signed(value), signed(low), signed(high)), words]
 
 
 def _verdict(change: float, bounds: Interval) -> str:

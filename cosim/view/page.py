@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from urllib.parse import quote
 
-from cosim.report.html import document
+from markupsafe import Markup
+
+from cosim.report.html import document, fill
 from cosim.view.captions import Caption
 
 GENERATOR = "cosim view"
@@ -81,7 +82,7 @@ class Page:
 def format_page(page: Page) -> str:
     """The HTML text of a page."""
     body = [
-        f"<header><h1>{escape(page.title)}</h1>{_facts(page.facts)}</header>",
+        fill("<header><h1>{}</h1>{}</header>", page.title, _facts(page.facts)),
         _overview(page.overview),
         *(_section(frame) for frame in page.frames),
         _notes(page.notes),
@@ -90,8 +91,8 @@ def format_page(page: Page) -> str:
 
 
 def _facts(facts: Sequence[tuple[str, str]]) -> str:
-    cells = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
-    return f"<dl>{cells}</dl>"
+    cells = Markup().join(fill("<div><dt>{}</dt><dd>{}</dd></div>", name, value) for name, value in facts)
+    return fill("<dl>{}</dl>", cells)
 
 
 def _overview(thumbnails: Sequence[Thumbnail]) -> str:
@@ -100,42 +101,61 @@ def _overview(thumbnails: Sequence[Thumbnail]) -> str:
     cells = []
     for item in thumbnails:
         target = f"#{_anchor(item.name)}" if item.shown else quote(item.file)
-        mark = ' class="shown"' if item.shown else ""
+        mark = Markup(' class="shown"') if item.shown else ""
         cells.append(
-            f'<a{mark} href="{target}"><img src="{quote(item.file)}" width="{item.width}" height="{item.height}" '
-            f'alt="frame {escape(item.name)}"><span>{escape(item.name)}</span></a>'
+            fill(
+                '<a{} href="{}"><img src="{}" width="{}" height="{}" alt="frame {}"><span>{}</span></a>',
+                mark,
+                target,
+                quote(item.file),
+                item.width,
+                item.height,
+                item.name,
+                item.name,
+            )
         )
-    return f'<nav aria-label="overview of the drive">{"".join(cells)}</nav>'
+    return fill('<nav aria-label="overview of the drive">{}</nav>', Markup().join(cells))
 
 
 def _section(frame: FrameSection) -> str:
-    figures = "\n".join(_figure(frame.name, picture) for picture in frame.pictures)
+    figures = Markup("\n").join(_figure(frame.name, picture) for picture in frame.pictures)
     absent = ""
     if frame.missing:
-        items = "".join(f"<li>{escape(gap.title)}: {escape(gap.reason)}</li>" for gap in frame.missing)
-        absent = f'<div class="absent"><h3>Left out</h3><ul>{items}</ul></div>'
-    return (
-        f'<section id="{_anchor(frame.name)}"><h2>Frame {escape(frame.name)}</h2>{_facts(frame.facts)}'
-        f'<div class="pictures">\n{figures}\n</div>{absent}</section>'
+        items = Markup().join(fill("<li>{}: {}</li>", gap.title, gap.reason) for gap in frame.missing)
+        absent = fill('<div class="absent"><h3>Left out</h3><ul>{}</ul></div>', items)
+    return fill(
+        '<section id="{}"><h2>Frame {}</h2>{}<div class="pictures">\n{}\n</div>{}</section>',
+        _anchor(frame.name),
+        frame.name,
+        _facts(frame.facts),
+        figures,
+        absent,
     )
 
 
 def _figure(frame: str, picture: Shown) -> str:
     file, caption = quote(picture.file), picture.caption
-    wide = ' class="wide"' if caption.wide else ""
-    return (
-        f"<figure{wide}>"
-        f'<a href="{file}"><img loading="lazy" src="{file}" width="{picture.width}" height="{picture.height}" '
-        f'alt="{escape(caption.title)}, frame {escape(frame)}"></a>'
-        f"<figcaption><h3>{escape(caption.title)}</h3><p>{escape(caption.text)}</p></figcaption></figure>"
+    wide = Markup(' class="wide"') if caption.wide else ""
+    return fill(
+        '<figure{}><a href="{}"><img loading="lazy" src="{}" width="{}" height="{}" alt="{}, frame {}">'
+        "</a><figcaption><h3>{}</h3><p>{}</p></figcaption></figure>",
+        wide,
+        file,
+        file,
+        picture.width,
+        picture.height,
+        caption.title,
+        frame,
+        caption.title,
+        caption.text,
     )
 
 
 def _notes(notes: Sequence[str]) -> str:
     if not notes:
         return ""
-    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    return f'<section class="absent"><h2>Absent from this drive</h2><ul>{items}</ul></section>'
+    items = Markup().join(fill("<li>{}</li>", note) for note in notes)
+    return fill('<section class="absent"><h2>Absent from this drive</h2><ul>{}</ul></section>', items)
 
 
 def _anchor(name: str) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
-from cosim.report.html import document
+from cosim.report.html import document, fill
 from cosim.report.plot import Axis, Plot
 from cosim.report.style import STYLE
 from training.evaluation.as_json import Intervals
@@ -38,24 +38,33 @@ def format_page(
         pictures: captions with data URLs of pictures.
     """
     frames = len(evaluation.scored.names)
-    head = f"<header><h1>{escape(title)}</h1><p>{frames:,} frames, by the rules of KITTI’s object benchmark.</p>"
+    head = fill("<header><h1>{}</h1><p>{:,} frames, by the rules of KITTI’s object benchmark.</p>", title, frames)
     if not evaluation.results:
-        head += "<p class=verdict>Nothing of Car, Pedestrian or Cyclist was detected.</p>"
-    sections = [head + "</header>"]
+        head += Markup("<p class=verdict>Nothing of Car, Pedestrian or Cyclist was detected.</p>")
+    sections = [head + Markup("</header>")]
     for name, metrics in evaluation.results.items():
-        curves = "".join(_curves(metrics[metric], metric) for metric in METRICS if metric in metrics)
+        curves = Markup().join(_curves(metrics[metric], metric) for metric in METRICS if metric in metrics)
         sections.append(
-            f"<section><h2>{name}, IoU over {MIN_OVERLAP[name]:g}</h2>{_table(evaluation, name, intervals)}"
-            f'<div class="charts">{curves}{_parts(parts.get(name, {}))}</div></section>'
+            fill(
+                '<section><h2>{}, IoU over {:g}</h2>{}<div class="charts">{}{}</div></section>',
+                name,
+                MIN_OVERLAP[name],
+                _table(evaluation, name, intervals),
+                curves,
+                _parts(parts.get(name, {})),
+            )
         )
     if pictures:
-        figures = "".join(
-            f'<figure><figcaption><h3>{escape(caption)}</h3></figcaption><img src="{data}" alt="{escape(caption)}">'
-            "</figure>"
+        figures = Markup().join(
+            fill('<figure><figcaption><h3>{}</h3></figcaption><img src="{}" alt="{}"></figure>', caption, data, caption)
             for caption, data in pictures
         )
         sections.append(
-            f'<section><h2>Detections from above</h2><p>{CAPTION}</p><div class="pictures">{figures}</div></section>'
+            fill(
+                '<section><h2>Detections from above</h2><p>{}</p><div class="pictures">{}</div></section>',
+                CAPTION,
+                figures,
+            )
         )
     return document(title, sections, style=STYLE + _STYLE, generator="cosim evaluate")
 
@@ -73,12 +82,17 @@ def pr_plot(results: Sequence[tuple[str, Result]], title: str) -> str:
 
 def _curves(levels: Sequence[Result], metric: str) -> str:
     svg = pr_plot(list(zip(_STYLES, levels, strict=True)), f"precision against recall, {metric}")
-    legend = "".join(
-        f'<span><i style="background:var(--{style})"></i> {level}, {result.task.object_counts.sum():,} objects</span>'
+    legend = Markup().join(
+        fill(
+            '<span><i style="background:var(--{})"></i> {}, {:,} objects</span>',
+            style,
+            level,
+            result.task.object_counts.sum(),
+        )
         for style, level, result in zip(_STYLES, DIFFICULTIES, levels, strict=True)
     )
-    heading = f"<figcaption><h3>{_TITLES[metric]}</h3><p>Precision against recall</p></figcaption>"
-    return f'<figure>{heading}{svg}<div class="legend">{legend}</div></figure>'
+    heading = fill("<figcaption><h3>{}</h3><p>Precision against recall</p></figcaption>", _TITLES[metric])
+    return fill('<figure>{}{}<div class="legend">{}</div></figure>', heading, svg, legend)
 
 
 def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
@@ -87,38 +101,43 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
     for metric in METRICS:
         levels = metrics.get(metric)
         if levels is None:
-            rows.append(f"<tr><th>{_TITLES[metric]}</th><td class=words colspan=9>not scored: no such boxes</td></tr>")
+            rows.append(
+                fill("<tr><th>{}</th><td class=words colspan=9>not scored: no such boxes</td></tr>", _TITLES[metric])
+            )
             continue
         values = [[f"{getattr(r, kind):.2f}" for r in levels] for kind in ("r40", "r11", "continuous")]
         bounds = intervals.get((name, metric), [])
         for level, (low, high) in enumerate(bounds):
-            values[0][level] += f"<small>{low:.1f} – {high:.1f}</small>"
+            values[0][level] += fill("<small>{:.1f} – {:.1f}</small>", low, high)
         rows.append(_row(_TITLES[metric], [word for parts in values for word in parts]))
     if "2d" in metrics and evaluation.oriented:
         aos = [[f"{getattr(r, kind):.2f}" for r in metrics["2d"]] for kind in ("aos40", "aos11")]
         rows.append(_row(_TITLES["aos"], [*aos[0], *aos[1], "", "", ""]))
-    heads = "".join(f"<th>{level}</th>" for _ in range(3) for level in DIFFICULTIES)
+    heads = Markup().join(fill("<th>{}</th>", level) for _ in range(3) for level in DIFFICULTIES)
     fewest_objects = min((int(r.task.object_counts.sum()) for levels in metrics.values() for r in levels), default=0)
     note = ""
     if fewest_objects < 41:
-        note = (
-            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: one sample of the curve stays empty "
-            "for each missing object. Use the continuous AP instead.</p>"
+        note = Markup(
+            "<p>With n objects, fewer than 41, R40 cannot exceed (n − 1)/40: one sample of the curve stays "
+            "empty for each missing object. Use the continuous AP instead.</p>"
         )
-    return (
-        f"{_rules(evaluation, name)}<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th "
-        f"colspan=3>continuous</th></tr>"
-        f"<tr><th></th>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{note}"
+    return fill(
+        "{}<table><thead><tr><th></th><th colspan=3>R40</th><th colspan=3>R11</th><th colspan=3>"
+        "continuous</th></tr><tr><th></th>{}</tr></thead><tbody>{}</tbody></table>{}",
+        _rules(evaluation, name),
+        heads,
+        Markup().join(rows),
+        note,
     )
 
 
 def _rules(evaluation: Evaluation, name: str) -> str:
     """Note on the difficulty, if it was not determined by KITTI's rules."""
-    return f"<p>{escape(evaluation.notes[name])}</p>" if name in evaluation.notes else ""
+    return fill("<p>{}</p>", evaluation.notes[name]) if name in evaluation.notes else ""
 
 
 def _row(title: str, words: Sequence[str]) -> str:
-    return f"<tr><th>{title}</th>{''.join(f'<td>{word}</td>' for word in words)}</tr>"
+    return fill("<tr><th>{}</th>{}</tr>", title, Markup().join(fill("<td>{}</td>", word) for word in words))
 
 
 def _parts(parts_by_kind: dict[str, list[Slice]]) -> str:
@@ -130,9 +149,11 @@ def _parts(parts_by_kind: dict[str, list[Slice]]) -> str:
         plot = Plot(Axis(-0.6, len(parts) - 0.4, "", names=names), Axis(0, 112, "AP, 3D, hard (%)"), f"AP by {kind}")
         counts = [f"{part.objects:,}" for part in parts]
         plot.bars(np.arange(len(parts)), np.array([part.ap for part in parts]), 0.7, "b", counts)
-        heading = f"<h3>By {_WORDS[kind]}</h3><p>Number of objects on the bars; all false positives count in each</p>"
-        figures.append(f"<figure><figcaption>{heading}</figcaption>{plot.svg()}</figure>")
-    return "".join(figures)
+        heading = fill(
+            "<h3>By {}</h3><p>Number of objects on the bars; all false positives count in each</p>", _WORDS[kind]
+        )
+        figures.append(fill("<figure><figcaption>{}</figcaption>{}</figure>", heading, plot.svg()))
+    return Markup().join(figures)
 
 
 _STYLE = """

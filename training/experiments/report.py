@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from cosim.drives.kitti import Drive
 from cosim.drives.writer import explained
-from cosim.report.html import document
+from cosim.report.html import document, fill
 from cosim.report.style import STYLE
 from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
@@ -74,14 +75,19 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
 def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> str:
     """The page, with precision–recall curves and pictures of the rows that were run."""
     groups = _groups(table)
-    group_heads = "".join(f"<th colspan=3>{escape(group.title)}</th>" for group in groups)
-    heads = "".join(f"<th>{level}</th>" for _ in groups for level in _HEADS)
-    body = "".join(_html_row(table, row, groups) for row in rows)
-    result = (
-        f"<header><h1>{escape(table.title)}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over "
-        f"draws of the test frames. {escape(_tested_on(rows))}</p></header>"
-        f"<section class=plain><table><thead><tr><th></th>{group_heads}</tr>"
-        f"<tr><th>{_row_head(table)}</th>{heads}</tr></thead><tbody>{body}</tbody></table></section>"
+    group_heads = Markup().join(fill("<th colspan=3>{}</th>", group.title) for group in groups)
+    heads = Markup().join(fill("<th>{}</th>", level) for _ in groups for level in _HEADS)
+    body = Markup().join(_html_row(table, row, groups) for row in rows)
+    result = fill(
+        "<header><h1>{}</h1><p>Cars, IoU over 0.7, AP R40 in percent; small: 95 % interval over draws of "
+        "the test frames. {}</p></header><section class=plain><table><thead><tr><th></th>{}</tr><tr><th>"
+        "{}</th>{}</tr></thead><tbody>{}</tbody></table></section>",
+        table.title,
+        _tested_on(rows),
+        group_heads,
+        _row_head(table),
+        heads,
+        body,
     )
     compared = [_format_comparisons(_GAINS, gains(rows)), _format_comparisons(_DIFFERENCES, differences(rows))]
     details = [_format_details(table, row, folder) for row in rows if row.scores is not None]
@@ -118,27 +124,34 @@ def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str
     for group in groups:
         bounds = group.intervals(row)
         for level, text in enumerate(_format_values(group.values(row))):
-            small = f"<small>{bounds[level][0]:.0f} – {bounds[level][1]:.0f}</small>" if bounds else ""
-            cells.append(f"<td>{text}{small}</td>")
+            small = fill("<small>{:.0f} – {:.0f}</small>", bounds[level][0], bounds[level][1]) if bounds else ""
+            cells.append(fill("<td>{}{}</td>", text, small))
     if row.scores is None:  # the first two groups are measured values
-        cells[:6] = [f"<td class=words colspan=6>{escape(row.reason)}</td>"]
-    return f"<tr><th>{escape(_label(table, row))}</th>{''.join(cells)}</tr>"
+        cells[:6] = [fill("<td class=words colspan=6>{}</td>", row.reason)]
+    return fill("<tr><th>{}</th>{}</tr>", _label(table, row), Markup().join(cells))
 
 
 def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
     if not compared:
         return ""
     lines = [
-        f"<tr><th>{escape(comparison.name)}</th><td>{comparison.gap:+.1f}</td>"
-        f"<td>{comparison.low:+.1f} … {comparison.high:+.1f}</td>"
-        f"<td class=words>{comparison.verdict}</td></tr>"
+        fill(
+            "<tr><th>{}</th><td>{:+.1f}</td><td>{:+.1f} … {:+.1f}</td><td class=words>{}</td></tr>",
+            comparison.name,
+            comparison.gap,
+            comparison.low,
+            comparison.high,
+            comparison.verdict,
+        )
         for comparison in compared
     ]
-    return (
-        f"<section><h2>{escape(title)}</h2><p>At moderate, with 95 % bootstrap intervals, paired by test frame. Each "
-        "detector was trained once: the intervals do not include the variation between seeds.</p>"
-        "<table><thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead>"
-        f"<tbody>{''.join(lines)}</tbody></table></section>"
+    return fill(
+        "<section><h2>{}</h2><p>At moderate, with 95 % bootstrap intervals, paired by test frame. Each "
+        "detector was trained once: the intervals do not include the variation between seeds.</p><table>"
+        "<thead><tr><th></th><th>difference</th><th>95 %</th><th></th></tr></thead><tbody>{}</tbody>"
+        "</table></section>",
+        title,
+        Markup().join(lines),
     )
 
 
@@ -149,30 +162,36 @@ def _format_details(table: ExperimentTable, row: Row, folder: Path) -> str:
     scored = read_results(folder / row.name, drive.root / "label_2", _frame_list(folder / row.name))
     results = evaluate(scored, classes=("Car",)).results.get("Car")
     if results is None:
-        return f"<section><h2>{escape(_label(table, row))}</h2><p>no car was detected</p></section>"
+        return fill("<section><h2>{}</h2><p>no car was detected</p></section>", _label(table, row))
     figures = []
     for metric, title in (("3d", "3D"), ("bev", "From above")):
         if metric in results:
             styled = list(zip("cad", results[metric], strict=True))
-            legend = "".join(
-                f'<span><i style="background:var(--{style})"></i> {level} {result.r40:.1f}</span>'
+            legend = Markup().join(
+                fill('<span><i style="background:var(--{})"></i> {} {:.1f}</span>', style, level, result.r40)
                 for (style, result), level in zip(styled, DIFFICULTIES, strict=True)
             )
             svg = pr_plot(styled, f"precision against recall, {row.name}, {title}")
-            caption = f"<figcaption><h3>{title}</h3><p>Precision against recall</p></figcaption>"
-            figures.append(f'<figure>{caption}{svg}<div class="legend">{legend}</div></figure>')
+            caption = fill("<figcaption><h3>{}</h3><p>Precision against recall</p></figcaption>", title)
+            figures.append(fill('<figure>{}{}<div class="legend">{}</div></figure>', caption, svg, legend))
     for caption, data in detection_pictures(scored, drive, most=2):
         figures.append(
-            f"<figure><figcaption><h3>{escape(caption)}</h3><p>{CAPTION}</p>"
-            f'</figcaption><img src="{data}" alt=""></figure>'
+            fill(
+                '<figure><figcaption><h3>{}</h3><p>{}</p></figcaption><img src="{}" alt=""></figure>',
+                caption,
+                CAPTION,
+                data,
+            )
         )
-    return f'<section><h2>{escape(_label(table, row))}</h2><div class="charts">{"".join(figures)}</div></section>'
+    return fill(
+        '<section><h2>{}</h2><div class="charts">{}</div></section>', _label(table, row), Markup().join(figures)
+    )
 
 
 def _frame_list(folder: Path) -> Path:
     path = folder.with_suffix(".frames")
     with explained(path):
-        path.write_text("".join(f"{file.stem}\n" for file in sorted(folder.glob("*.txt"))), encoding="utf-8")
+        path.write_text(Markup().join(f"{file.stem}\n" for file in sorted(folder.glob("*.txt"))), encoding="utf-8")
     return path
 
 

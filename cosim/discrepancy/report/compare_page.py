@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from types import MappingProxyType
+
+from markupsafe import Markup
 
 from cosim.discrepancy.compare import Comparison, Slice
 from cosim.discrepancy.report.beams import LAYOUT
@@ -12,6 +13,7 @@ from cosim.discrepancy.report.explorer_section import Explored, explorer_section
 from cosim.discrepancy.scores import SCALES
 from cosim.discrepancy.words import source_words, times
 from cosim.report import Piece, document, facts, meter, notes_section, section, stacked_bar, table
+from cosim.report.html import fill
 from cosim.variants.detector_section import detector_section
 
 _COLOURS = {
@@ -67,14 +69,14 @@ def format_comparison(comparison: Comparison, command: str, explored: Explored |
     """
     explored = explored or Explored.of(comparison.frame_pairs, LAYOUT.scans)
     title = f"{comparison.sensor} against {comparison.drive}"
-    text = (
-        "An illustration: residuals at the initial poses, and with fitted errors of poses, objects and map removed. "
-        "It shows where residuals are, not what is significant; that is what <code>cosim diagnose</code> tests. Lines "
-        "are means of equally filled bins, bands their scatter from one sector of a frame to another. "
-        "<b>Click a bin to see its beams.</b>"
+    text = Markup(
+        "An illustration: residuals at the initial poses, and with fitted errors of poses, objects and "
+        "map removed. It shows where residuals are, not what is significant; that is what <code>cosim "
+        "diagnose</code> tests. Lines are means of equally filled bins, bands their scatter from one "
+        "sector of a frame to another. <b>Click a bin to see its beams.</b>"
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(comparison, command)}{_figures(comparison)}</header>",
+        fill("<header><h1>{}</h1>{}{}</header>", title, _verdict(comparison, command), _figures(comparison)),
         _budget(comparison),
         _slices(comparison.slices),
         detector_section(comparison.worth),
@@ -85,9 +87,11 @@ def format_comparison(comparison: Comparison, command: str, explored: Explored |
 
 
 def _verdict(comparison: Comparison, command: str) -> str:
-    run = f'<p class="next">To identify what is missing: <code>{escape(command)}</code></p>'
+    run = fill('<p class="next">To identify what is missing: <code>{}</code></p>', command)
     if comparison.floor is None:
-        return f'<p class="verdict">Error {comparison.error:.3g}; the noise floor cannot be determined.</p>{run}'
+        return fill(
+            '<p class="verdict">Error {:.3g}; the noise floor cannot be determined.</p>{}', comparison.error, run
+        )
     is_aligned = comparison.error_aligned is not None and comparison.error > 2 * comparison.error_aligned
     floor = comparison.budget.floor if comparison.budget and comparison.budget.floor else comparison.floor.error
     sources = source_words(comparison.parts, floor, is_complete=False) if comparison.parts else ""
@@ -95,23 +99,26 @@ def _verdict(comparison: Comparison, command: str) -> str:
     if comparison.at_floor:
         error = comparison.error_aligned if is_aligned and comparison.error_aligned is not None else comparison.error
         subject = "With poses, objects and map aligned the error is" if is_aligned else "The error is"
-        verdict = (
-            f'<span class="good">At the noise floor.</span> {subject} {error:.3g}, of a correct model {floor:.3g}: '
-            "these measurements cannot distinguish the model from a correct one by this number."
+        verdict = fill(
+            '<span class="good">At the noise floor.</span> {} {:.3g}, of a correct model {:.3g}: these '
+            "measurements cannot distinguish the model from a correct one by this number.",
+            subject,
+            error,
+            floor,
         )
         verdict += f" At the initial poses the error is {comparison.error:.3g}{of_which}." if is_aligned else ""
-        small = f'<p class="next">To test for small effects: <code>{escape(command)}</code></p>'
-        return f'<p class="verdict">{verdict}</p>{small}'
+        small = fill('<p class="next">To test for small effects: <code>{}</code></p>', command)
+        return fill('<p class="verdict">{}</p>{}', verdict, small)
     above = comparison.error / floor if floor > 0 else float("inf")
-    verdict = '<span class="bad">Above the noise floor.</span> '
+    verdict = Markup('<span class="bad">Above the noise floor.</span> ')
     verdict += f"The error {comparison.error:.3g} is {times(above)} the noise floor ({floor:.3g}){of_which}."
     if comparison.error_aligned is not None and comparison.budget and comparison.budget.floor:
         ratio = times(comparison.error_aligned / comparison.budget.floor)
         verdict += f" With poses, objects and map aligned it is {comparison.error_aligned:.3g}, {ratio} its floor."
-    more = f'<p class="sources">{_excess(comparison)}</p>'
+    more = fill('<p class="sources">{}</p>', _excess(comparison))
     if comparison.slices:
-        run = f'<p class="next">Largest residuals at the initial poses: {escape(str(comparison.slices[0]))}.</p>{run}'
-    return f'<p class="verdict">{verdict}</p>{more}{run}'
+        run = fill('<p class="next">Largest residuals at the initial poses: {}.</p>{}', str(comparison.slices[0]), run)
+    return fill('<p class="verdict">{}</p>{}{}', verdict, more, run)
 
 
 def _excess(comparison: Comparison) -> str:
@@ -119,8 +126,11 @@ def _excess(comparison: Comparison) -> str:
     excess = comparison.excess
     total = sum(excess.values())
     order = [name for name in excess if excess[name] > LAYOUT.excess * total]
-    parts = [f"<b>{_CHANNEL_WORDS[name]}</b> ({excess[name] / total:.0%}): {_off(name, comparison)}" for name in order]
-    return f"At the initial poses the excess is in {'; '.join(parts)}." if parts else ""
+    parts = [
+        fill("<b>{}</b> ({:.0%}): {}", _CHANNEL_WORDS[name], excess[name] / total, _off(name, comparison))
+        for name in order
+    ]
+    return fill("At the initial poses the excess is in {}.", Markup("; ").join(parts)) if parts else ""
 
 
 def _off(name: str, comparison: Comparison) -> str:
@@ -151,7 +161,7 @@ def _figures(comparison: Comparison) -> str:
 
     def score(name: str) -> str:
         own = f"{parts[name] / SCALES[name]:.2f}"
-        return f"{own} <small>floor {floor[name] / SCALES[name]:.2f}</small>" if name in floor else own
+        return fill("{} <small>floor {:.2f}</small>", own, floor[name] / SCALES[name]) if name in floor else own
 
     items = [("Frames", f"{comparison.totals.frames:,}"), ("Points", f"{comparison.totals.points:,}")]
     items += [(f"{name} score", score(name)) for name in parts]
@@ -167,18 +177,21 @@ def _figures(comparison: Comparison) -> str:
             ("Intensity RMSE", f"{json['intensity']['rmse']:.4f}"),
         ]
     items += [
-        ("Lost returns", f"{comparison.totals.dropped / comparison.totals.frames:,.0f} <small>per frame</small>"),
-        ("Spurious", f"{json['spurious']['per_frame']:,.1f} <small>per frame</small>"),
+        (
+            "Lost returns",
+            fill("{:,.0f} <small>per frame</small>", comparison.totals.dropped / comparison.totals.frames),
+        ),
+        ("Spurious", fill("{:,.1f} <small>per frame</small>", json["spurious"]["per_frame"])),
     ]
     how = "The error is the mean of the scores; each score is a mean over beams, divided by its scale."
-    return f"{facts((name[0].upper() + name[1:], value) for name, value in items)}<p>{how}</p>"
+    return fill("{}<p>{}</p>", facts(((name[0].upper() + name[1:], value) for name, value in items)), how)
 
 
 def _slices(slices: Sequence[Slice]) -> str:
     rows = [
         [
-            escape(one.where), one.channel, _residual(one), _spread(one), f"{one.beams:,}",
-            f"{one.share:.1%} {meter(one.share)}",
+            one.where, one.channel, _residual(one), _spread(one), f"{one.beams:,}",
+            fill("{:.1%} {}", one.share, meter(one.share)),
         ]
         for one in slices
     ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from html import escape
+from markupsafe import Markup
 
 from cosim.discrepancy.diagnosis import Diagnosis, Finding, budget_words, floor_words, smallest_words
 from cosim.discrepancy.report.beams import LAYOUT
@@ -19,6 +19,7 @@ from cosim.discrepancy.report.findings_section import (
 from cosim.discrepancy.report.unexplained_section import unexplained_section, unknown_section
 from cosim.discrepancy.words import FEW, Vocabulary, implausible_spreads, spread_words, unexplained_words, unknown_words
 from cosim.report import document, notes_section, section
+from cosim.report.html import fill
 from cosim.report.phrases import listed
 from cosim.variants.detector_section import detector_section
 
@@ -39,14 +40,15 @@ def format_diagnosis(
     title = f"What {sensor} lacks compared with {drive}"
     explored = explored or explored_of(diagnosis)
     frames = "held-out frames" if diagnosis.split.is_held_out else "fitted frames"
-    text = (
-        f"An illustration on {frames}, with fitted errors of poses, objects and map removed. It shows where residuals "
-        "are, not what is significant: that is decided by the evidence above, which takes into account how uncertain "
-        "poses, objects and map are. Lines are means of equally filled bins, bands their scatter from one sector of a "
-        "frame to another. <b>Click a bin to see its beams.</b>"
+    text = fill(
+        "An illustration on {}, with fitted errors of poses, objects and map removed. It shows where "
+        "residuals are, not what is significant: that is decided by the evidence above, which takes into "
+        "account how uncertain poses, objects and map are. Lines are means of equally filled bins, bands "
+        "their scatter from one sector of a frame to another. <b>Click a bin to see its beams.</b>",
+        frames,
     )
     sections = [
-        f"<header><h1>{escape(title)}</h1>{_verdict(diagnosis, words)}{_next(diagnosis, drive, sensor)}</header>",
+        fill("<header><h1>{}</h1>{}{}</header>", title, _verdict(diagnosis, words), _next(diagnosis, drive, sensor)),
         _budget(diagnosis),
         effects_section(diagnosis, words),
         detector_section(diagnosis.worth),
@@ -75,27 +77,29 @@ def explored_of(diagnosis: Diagnosis) -> Explored | None:
 def _verdict(diagnosis: Diagnosis, words: Vocabulary) -> str:
     sentences = [*_missing(diagnosis, words), *_unknown(diagnosis)]
     if diagnosis.labels is not None and diagnosis.labels.verdict == "missing":
-        law = escape(str(diagnosis.labels).removeprefix("labels: "))
-        sentences.append(f'<span class="bad">Labels are biased</span>: {law}.')
+        law = str(diagnosis.labels).removeprefix("labels: ")
+        sentences.append(fill('<span class="bad">Labels are biased</span>: {}.', law))
     if diagnosis.unexplained:
-        names = [escape(unexplained_words(row)) for row in diagnosis.unexplained[:FEW]]
+        names = [unexplained_words(row) for row in diagnosis.unexplained[:FEW]]
         more = len(diagnosis.unexplained) - len(names)
         names += [f"{more} more"] if more else []
-        sentences.append(f'<span class="warn">Unexplained</span>: <a href="#unexplained">{listed(names)}</a>.')
+        sentences.append(fill('<span class="warn">Unexplained</span>: <a href="#unexplained">{}</a>.', listed(names)))
     if not sentences and diagnosis.is_above_floor:
         sentences.append(
-            '<span class="warn">The error is above the noise floor</span>, and no hypothesis is significant: something '
-            "is missing that these data, or the hypotheses, cannot identify."
+            Markup(
+                '<span class="warn">The error is above the noise floor</span>, and no hypothesis is significant: '
+                "something is missing that these data, or the hypotheses, cannot identify."
+            )
         )
     if not sentences:
-        sentences.append('<span class="good">No effect is missing</span> that these data can detect.')
+        sentences.append(Markup('<span class="good">No effect is missing</span> that these data can detect.'))
         smallest = smallest_words(diagnosis, words, most=FEW)
-        sentences.append(f"Smallest detectable amplitudes: {escape(smallest)}; more below." if smallest else "")
+        sentences.append(f"Smallest detectable amplitudes: {smallest}; more below." if smallest else "")
     if diagnosis.effects and not diagnosis.unexplained and diagnosis.is_above_floor:
-        sentences.append('<span class="warn">The error remains above the noise floor.</span>')
+        sentences.append(Markup('<span class="warn">The error remains above the noise floor.</span>'))
     budget = budget_words(diagnosis, is_complete=diagnosis.verdict == "none")
-    where = f'<p class="sources">{escape(budget[0].upper() + budget[1:])}.</p>'
-    return f'<p class="verdict">{" ".join(sentences)}</p>{where}'
+    where = fill('<p class="sources">{}.</p>', budget[0].upper() + budget[1:])
+    return fill('<p class="verdict">{}</p>{}', Markup(" ").join(sentences), where)
 
 
 def _missing(diagnosis: Diagnosis, words: Vocabulary) -> list[str]:
@@ -104,27 +108,31 @@ def _missing(diagnosis: Diagnosis, words: Vocabulary) -> list[str]:
         return []
     no_fall = _no_fall(diagnosis)
     names = [
-        f"{_either(finding)} ({escape(words.parameters(finding.effect, finding.params, finding.ci95))}"
-        f"{_useless(finding.effect in no_fall)})"
+        fill(
+            "{} ({}{})",
+            _either(finding),
+            words.parameters(finding.effect, finding.params, finding.ci95),
+            _useless(finding.effect in no_fall),
+        )
         for finding in diagnosis.effects
     ]
-    return [f'<span class="bad">Missing</span>: {listed(names)}.']
+    return [fill('<span class="bad">Missing</span>: {}.', listed(names))]
 
 
 def _either(finding: Finding) -> str:
     """`range_walk`, or `either range_walk or incidence_bias` where these data cannot separate them."""
-    names = [f"<b>{escape(name)}</b>" for name in (finding.effect, *finding.also_possible)]
-    return f'<span class="warn">either</span> {listed(names, "or")}' if finding.also_possible else names[0]
+    names = [fill("<b>{}</b>", name) for name in (finding.effect, *finding.also_possible)]
+    return fill('<span class="warn">either</span> {}', listed(names, "or")) if finding.also_possible else names[0]
 
 
 def _unknown(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.unknowns:
         return []
     no_fall = _no_fall(diagnosis)
-    each = "; ".join(
-        f"{escape(unknown_words(unknown))}{_useless(unknown.name in no_fall)}" for unknown in diagnosis.unknowns
+    each = Markup("; ").join(
+        fill("{}{}", unknown_words(unknown), _useless(unknown.name in no_fall)) for unknown in diagnosis.unknowns
     )
-    return [f'<span class="warn">Unknown</span>: {each}. No effect of the catalogue explains this.']
+    return [fill('<span class="warn">Unknown</span>: {}. No effect of the catalogue explains this.', each)]
 
 
 def _no_fall(diagnosis: Diagnosis) -> set[str]:
@@ -132,17 +140,20 @@ def _no_fall(diagnosis: Diagnosis) -> set[str]:
 
 
 def _useless(is_useless: bool) -> str:
-    return '; <span class="warn">does not lower the error</span>' if is_useless else ""
+    return Markup('; <span class="warn">does not lower the error</span>') if is_useless else ""
 
 
 def _next(diagnosis: Diagnosis, drive: str, sensor: str) -> str:
     if (diagnosis.effects or diagnosis.unknowns) and diagnosis.sensor_out:
-        return (
-            f'<p class="next">The improved sensor is <code>{escape(diagnosis.sensor_out)}</code>. To compare it with '
-            f"the drive: <code>cosim compare {escape(drive)} --sensor {escape(diagnosis.sensor_out)}</code></p>"
+        return fill(
+            '<p class="next">The improved sensor is <code>{}</code>. To compare it with the drive: <code>'
+            "cosim compare {} --sensor {}</code></p>",
+            diagnosis.sensor_out,
+            drive,
+            diagnosis.sensor_out,
         )
-    command = f"cosim compare {escape(drive)} --sensor {escape(sensor)}"
-    return f'<p class="next">To see where the residuals are: <code>{command}</code></p>'
+    command = f"cosim compare {drive} --sensor {sensor}"
+    return fill('<p class="next">To see where the residuals are: <code>{}</code></p>', command)
 
 
 def _budget(diagnosis: Diagnosis) -> str:
@@ -158,19 +169,19 @@ def _budget(diagnosis: Diagnosis) -> str:
     why = {"unexplained": "remains with poses, objects and map aligned, which are never known exactly"}
     if diagnosis.unexplained:
         why = {"unexplained": "remains with poses, objects and map aligned; dependences are listed below"}
-    text = f"{text} {escape(spread_words(diagnosis.spreads))}".strip()
+    text = f"{text} {spread_words(diagnosis.spreads)}".strip()
     for sentence in implausible_spreads(diagnosis.spreads):
-        text += f'<br><span class="warn">Implausible</span>: {escape(sentence)}'
+        text += fill('<br><span class="warn">Implausible</span>: {}', sentence)
     return budget_section(diagnosis.budget.parts, text=text, why=why)
 
 
 def _how(diagnosis: Diagnosis) -> str:
     fitted, held_out = len(diagnosis.split.fit), len(diagnosis.split.test)
-    labels = f"<p>L{escape(str(diagnosis.labels)[1:])}.</p>" if diagnosis.labels is not None else ""
+    labels = fill("<p>L{}.</p>", str(diagnosis.labels)[1:]) if diagnosis.labels is not None else ""
     text = f"{fitted} {'frame' if fitted == 1 else 'frames'} fitted, {held_out} held out"
     if not diagnosis.split.is_held_out:
         text = (
             f"{fitted} {'frame' if fitted == 1 else 'frames'} fitted; errors are of the same frames, which are too few"
         )
     method = "The method is described in docs/discrepancy.md."
-    return section("Data", f"<p>{text}. {method}</p>{labels}") + notes_section(diagnosis.notes)
+    return section("Data", fill("<p>{}. {}</p>{}", text, method, labels)) + notes_section(diagnosis.notes)

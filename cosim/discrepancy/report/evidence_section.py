@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from importlib.resources import files
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.evidence_matrix import EvidenceCell, EvidenceCurve, EvidenceGrid
 from cosim.discrepancy.quantities import CHANNELS, SHOWN, channel_words, covariate_words, unit_words
@@ -22,6 +22,7 @@ from cosim.discrepancy.report.evidence_charts import (
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.report import figure, section
+from cosim.report.html import fill
 from cosim.report.phrases import p_words
 
 _GROUND, _WARM, _HOT = (27, 33, 44), (214, 96, 36), (255, 226, 120)
@@ -50,21 +51,27 @@ def evidence_section(
         "Errors that beams share": [key for key in best if _is_shared(key)],
     }
     view = _View(settings, top, has_findings, frozenset((row.channel, row.covariates) for row in listed))
-    tables = "".join(_table(title, keys, best, names, view) for title, keys in blocks.items() if keys)
+    tables = Markup().join(_table(title, keys, best, names, view) for title, keys in blocks.items() if keys)
     first = max(best, key=lambda key: _rank(best[key], settings))
-    charts = "".join(_chart(cell, names[key], view, is_shown=key == first) for key, cell in best.items())
+    charts = Markup().join(_chart(cell, names[key], view, is_shown=key == first) for key, cell in best.items())
     text = (
         "Each cell is a hypothesis: the channel (row) depends on the covariate (column). "
         + ("Left half: with the initial model; right half: with all findings. " if has_findings else "")
-        + "Colour: gain, the log-likelihood that the dependence gains on clusters of beams that took no part in its "
-        "fit, on a logarithmic scale. A dot marks cells that are significant: family-wise p ≤ "
-        f"{settings.selection.level:g} and a gain of at least {settings.selection.least_gain:g}. Poses, objects, map "
-        "and all fitted parameters are eliminated. Empty cells were tested in a first pass and are too weak to be "
-        "significant, or are not defined. <b>Click a cell for its chart.</b>"
+        + fill(
+            "Colour: gain, the log-likelihood that the dependence gains on clusters of beams that took no "
+            "part in its fit, on a logarithmic scale. A dot marks cells that are significant: family-wise p "
+            "≤ {:g} and a gain of at least {:g}. Poses, objects, map and all fitted parameters are "
+            "eliminated. Empty cells were tested in a first pass and are too weak to be significant, or are "
+            "not defined. <b>Click a cell for its chart.</b>",
+            settings.selection.level,
+            settings.selection.least_gain,
+        )
     )
-    body = f'<div class="evidence"><div>{tables}{_scale(top)}</div><div class="evidence-charts">{charts}</div></div>'
+    body = fill(
+        '<div class="evidence"><div>{}{}</div><div class="evidence-charts">{}</div></div>', tables, _scale(top), charts
+    )
     script = (files("cosim.discrepancy.report") / "evidence.js").read_text(encoding="utf-8")
-    return section("Evidence", body, f"<script>{script}</script>", text=text, anchor="evidence")
+    return section("Evidence", body, Markup(f"<script>{script}</script>"), text=text, anchor="evidence")
 
 
 def evidence_style() -> str:
@@ -125,17 +132,19 @@ def _table(
     columns = sorted(dict.fromkeys(key[1] for key in keys), key=lambda on: [order.get(name, 99) for name in on])
     channels = [name for name in CHANNELS if any(key[0] == name for key in keys)]
     is_shared = _is_shared(keys[0])
-    heads = "".join(f"<th><span>{escape(_column_words(on, is_shared=is_shared))}</span></th>" for on in columns)
+    heads = Markup().join(fill("<th><span>{}</span></th>", _column_words(on, is_shared=is_shared)) for on in columns)
     rows = []
     for channel in channels:
-        tds = "".join(
-            _cell(best[channel, on], names[channel, on], view) if (channel, on) in best else "<td></td>"
+        tds = Markup().join(
+            _cell(best[channel, on], names[channel, on], view) if (channel, on) in best else Markup("<td></td>")
             for on in columns
         )
-        rows.append(f"<tr><th>{escape(channel_words(channel))}</th>{tds}</tr>")
-    return (
-        f'<table class="heat"><caption>{escape(title)}</caption><thead><tr><th></th>{heads}</tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table>"
+        rows.append(fill("<tr><th>{}</th>{}</tr>", channel_words(channel), tds))
+    return fill(
+        '<table class="heat"><caption>{}</caption><thead><tr><th></th>{}</tr></thead><tbody>{}</tbody></table>',
+        title,
+        heads,
+        Markup().join(rows),
     )
 
 
@@ -149,15 +158,19 @@ def _cell(cell: EvidenceCell, name: str, view: _View) -> str:
     sides = [(cell.gain, cell.p_value)] if view.has_findings else []
     sides.append((cell.gain_after, cell.p_value_after))
     colours = [_colour(gain, view.top) for gain, _ in sides]
-    marks = ["<i></i>" if is_significant(*side, view.settings) else "<b></b>" for side in sides]
-    if marks[-1] == "<i></i>" and (cell.channel, cell.covariates) not in view.listed:
-        marks[-1] = '<i class="weak"></i>'
-    dots = "".join(marks)
+    marks = [Markup("<i></i>") if is_significant(*side, view.settings) else Markup("<b></b>") for side in sides]
+    if marks[-1] == Markup("<i></i>") and (cell.channel, cell.covariates) not in view.listed:
+        marks[-1] = Markup('<i class="weak"></i>')
+    dots = Markup().join(marks)
     words = f"{_title(cell)}: {_figures(cell, view)}"
     background = f"linear-gradient(90deg,{colours[0]} 50%,{colours[-1]} 50%)"
-    return (
-        f'<td><button type="button" data-cell="{escape(name)}" style="background:{background}" '
-        f'title="{escape(words)}" aria-label="{escape(words)}">{dots}</button></td>'
+    return fill(
+        '<td><button type="button" data-cell="{}" style="background:{}" title="{}" aria-label="{}">{}</button></td>',
+        name,
+        background,
+        words,
+        words,
+        dots,
     )
 
 
@@ -204,20 +217,24 @@ def _colour(gain: float, top: float) -> str:
 
 def _scale(top: float) -> str:
     gains = [10.0**decade for decade in range(int(np.floor(np.log10(top))) + 1)]
-    samples = "".join(
-        f'<span><i style="background:{_colour(gain, top)}"></i> gain {"≤ 1" if gain == 1 else f"{gain:g}"}</span>'
+    samples = Markup().join(
+        fill(
+            '<span><i style="background:{}"></i> gain {}</span>',
+            _colour(gain, top),
+            "≤ 1" if gain == 1 else f"{gain:g}",
+        )
         for gain in gains
     )
-    return (
-        f'<div class="legend">{samples}<span><u></u> significant</span>'
-        '<span><u class="weak"></u> significant by this linear test, but not after an exact refit with all findings'
-        "</span></div>"
+    return fill(
+        '<div class="legend">{}<span><u></u> significant</span><span><u class="weak"></u> significant by '
+        "this linear test, but not after an exact refit with all findings</span></div>",
+        samples,
     )
 
 
 def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str:
     figures = _figures(cell, view)
-    text = f"{figures[0].upper()}{escape(figures[1:])}."
+    text = f"{figures[0].upper()}{figures[1:]}."
     if cell.is_rejected:
         text += " An exact refit with this term gains no more than chance: it was not added."
     if not view.has_findings:
@@ -229,8 +246,8 @@ def _chart(cell: EvidenceCell, name: str, view: _View, *, is_shown: bool) -> str
         text, body = _grids(cell, text)
     else:
         text, body = _curves(cell, text, view)
-    hidden = "" if is_shown else " hidden"
-    return f'<div data-chart="{escape(name)}"{hidden}>{figure(_title(cell), text, body)}</div>'
+    hidden = "" if is_shown else Markup(" hidden")
+    return fill('<div data-chart="{}"{}>{}</div>', name, hidden, figure(_title(cell), text, body))
 
 
 def _curves(cell: EvidenceCell, text: str, view: _View) -> tuple[str, str]:
@@ -238,7 +255,7 @@ def _curves(cell: EvidenceCell, text: str, view: _View) -> tuple[str, str]:
     text += " Coefficients of one Gauss–Newton step by bin, with two standard errors: the statistic of the test"
     sides = {"before": (cell.before, "blue: initial model"), "after": (cell.after, "orange: with all findings")}
     sides = {name: words for name, (curve, words) in sides.items() if curve is not None and view.has_findings}
-    text += "".join(f'; <span class="{name}">{words}</span>' for name, words in sides.items())
+    text += Markup().join(fill('; <span class="{}">{}</span>', name, words) for name, words in sides.items())
     names = categories_of([curve for curve in (cell.before, cell.after) if isinstance(curve, EvidenceCurve)])
     text += f"; the {MOST_NAMES} most significant of {len(names)} categories." if len(names) > MOST_NAMES else "."
     return text, curve_chart(cell, _title(cell))
@@ -254,7 +271,8 @@ def _grids(cell: EvidenceCell, text: str) -> tuple[str, str]:
     grids = [("initial model", cell.before), ("with all findings", cell.after)]
     drawn = [(words, grid) for words, grid in grids if isinstance(grid, EvidenceGrid)]
     parts = [
-        (f'<p class="small">{words.capitalize()}</p>' if len(drawn) > 1 else "") + grid_chart(cell, grid, _title(cell))
+        (fill('<p class="small">{}</p>', words.capitalize()) if len(drawn) > 1 else "")
+        + grid_chart(cell, grid, _title(cell))
         for words, grid in drawn
     ]
-    return text, "".join(parts)
+    return text, Markup().join(parts)

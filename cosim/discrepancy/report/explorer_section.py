@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from html import escape
 from importlib.resources import files
+
+from markupsafe import Markup
 
 from cosim.discrepancy.budget import FramePairs
 from cosim.discrepancy.report.beams import Beams
@@ -13,6 +14,7 @@ from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
 from cosim.discrepancy.report.residual_charts import Chart, all_charts, draw_chart, scale_of
 from cosim.discrepancy.report.scan_view import scan_view
 from cosim.report import button, legend, section
+from cosim.report.html import fill
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,25 +55,28 @@ def explorer_section(explored: Explored | None, sides: Sequence[str], *, text: s
         return ""
     names = sides[-1:] if explored.beams.is_one else sides
     first = next(iter(explored.charts))
-    tabs = "".join(button(charts[0].channel.title, name == first, tab=name) for name, charts in explored.charts.items())
-    panels = "".join(_panel(charts, name == first) for name, charts in explored.charts.items())
-    colours = legend(
-        [(f"var(--{style})", escape(word)) for style, word in zip("ba"[-len(names) :], names, strict=True)]
+    tabs = Markup().join(
+        button(charts[0].channel.title, name == first, tab=name) for name, charts in explored.charts.items()
     )
-    picks = f'<div class="picks" role="group" aria-label="channel">{tabs}</div>'
-    left = f'<div class="residuals">{picks}{colours}{panels}</div>'
+    panels = Markup().join(_panel(charts, name == first) for name, charts in explored.charts.items())
+    colours = legend([(f"var(--{style})", word) for style, word in zip("ba"[-len(names) :], names, strict=True)])
+    picks = fill('<div class="picks" role="group" aria-label="channel">{}</div>', tabs)
+    left = fill('<div class="residuals">{}{}{}</div>', picks, colours, panels)
     right = scan_view(explored.beams.scans, explored.bins, names)
-    body = f'<div class="explore">{left}{right}</div>'
+    body = fill('<div class="explore">{}{}</div>', left, right)
     return section("Residuals beam by beam", body, text=text, anchor="residuals")
 
 
 def _panel(charts: Sequence[Chart], is_shown: bool) -> str:
     top, channel = scale_of(charts), charts[0].channel
-    figures = "".join(draw_chart(chart, top) for chart in charts)
-    hidden = "" if is_shown else " hidden"
-    return (
-        f'<div data-panel="{channel.name}"{hidden}><p>{channel.signs} Largest first, all on one scale.</p>'
-        f'<div class="charts">{figures}</div></div>'
+    figures = Markup().join(draw_chart(chart, top) for chart in charts)
+    hidden = "" if is_shown else Markup(" hidden")
+    return fill(
+        '<div data-panel="{}"{}><p>{} Largest first, all on one scale.</p><div class="charts">{}</div></div>',
+        channel.name,
+        hidden,
+        channel.signs,
+        figures,
     )
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.diagnosis import Diagnosis, ErrorChange, Finding, smallest_rows
 from cosim.discrepancy.quantities import CHANNELS, group_words
 from cosim.discrepancy.words import UNDETERMINED, Vocabulary
 from cosim.report import figure, section, table
+from cosim.report.html import fill
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
@@ -22,19 +22,19 @@ def effects_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
     if not diagnosis.effects:
         return ""
     changes = {change.name: change for change in diagnosis.changes}
-    rows = "".join(_rows(finding, words, changes.get(finding.effect)) for finding in diagnosis.effects)
-    charts = "".join(_laser_charts(finding, words) for finding in diagnosis.effects)
-    heads = (
-        "<thead><tr><th></th><th>parameter</th><th>value</th>"
-        f"<th>{diagnosis.settings.covered} interval</th><th>p</th><th>aligned error</th>"
-        "<th class=words>equation</th></tr></thead>"
+    rows = Markup().join(_rows(finding, words, changes.get(finding.effect)) for finding in diagnosis.effects)
+    charts = Markup().join(_laser_charts(finding, words) for finding in diagnosis.effects)
+    heads = fill(
+        "<thead><tr><th></th><th>parameter</th><th>value</th><th>{} interval</th><th>p</th><th>aligned "
+        "error</th><th class=words>equation</th></tr></thead>",
+        diagnosis.settings.covered,
     )
     text = (
         "p is family-wise: the probability that any hypothesis would be this significant if nothing were missing. "
         "Intervals allow for errors that the points of an object or of a scan share. Parameters of an effect that the "
         "sensor had already are totals. Errors are those of held-out frames with poses, objects and map fitted."
     )
-    return section("Missing effects", f"<table>{heads}<tbody>{rows}</tbody></table>", charts, text=text)
+    return section("Missing effects", fill("<table>{}<tbody>{}</tbody></table>", heads, rows), charts, text=text)
 
 
 def change_words(change: ErrorChange | None) -> str:
@@ -44,11 +44,11 @@ def change_words(change: ErrorChange | None) -> str:
     numbers = f"{change.before:.3f} → {change.after:.3f}"
     if np.isfinite(change.half_interval):
         mean = f"{change.mean:+.3f}".replace("-", "−")
-        numbers += f"<br><small>{mean} ± {change.half_interval:.3f} per frame</small>"
+        numbers += fill("<br><small>{} ± {:.3f} per frame</small>", mean, change.half_interval)
     if not change.is_fall:
-        return f'{numbers}<br><span class="warn">does not lower the error</span>'
+        return fill('{}<br><span class="warn">does not lower the error</span>', numbers)
     if np.isfinite(change.half_interval) and not change.is_significant:
-        return f"{numbers}<br><small>the fall is within the scatter of the frames</small>"
+        return fill("{}<br><small>the fall is within the scatter of the frames</small>", numbers)
     return numbers
 
 
@@ -59,15 +59,20 @@ def _rows(finding: Finding, words: Vocabulary, change: ErrorChange | None) -> st
         interval = finding.ci95.get(name)
         head = tail = ""
         if row == 0:
-            span = f'rowspan="{len(finding.params)}"'
-            head = f"<th {span}>{escape(finding.effect)}</th>"
-            tail = (
-                f"<td {span}>{escape(p_cell(finding.p_value))}</td><td {span}>{change_words(change)}</td>"
-                f'<td {span} class="words">{escape(kind.equation if kind else "")}</td>'
+            span = fill('rowspan="{}"', len(finding.params))
+            head = fill("<th {}>{}</th>", span, finding.effect)
+            tail = fill(
+                '<td {}>{}</td><td {}>{}</td><td {} class="words">{}</td>',
+                span,
+                p_cell(finding.p_value),
+                span,
+                change_words(change),
+                span,
+                kind.equation if kind else "",
             )
         number, ends = _value(finding.effect, name, value, interval, words)
-        cells.append(f"<tr>{head}<td>{escape(name)}</td><td>{escape(number)}</td><td>{escape(ends)}</td>{tail}</tr>")
-    return "".join(cells)
+        cells.append(fill("<tr>{}<td>{}</td><td>{}</td><td>{}</td>{}</tr>", head, name, number, ends, tail))
+    return Markup().join(cells)
 
 
 def _value(effect: str, name: str, value: object, interval: object, words: Vocabulary) -> tuple[str, str]:
@@ -103,7 +108,7 @@ def _laser_charts(finding: Finding, words: Vocabulary) -> str:
         title = f"{finding.effect}: {name} of each laser"
         missing = "" if known.all() else f"{np.count_nonzero(~known)} of {len(known)} lasers {UNDETERMINED}."
         figures.append(figure(title, missing, plot.svg()))
-    return f'<div class="full" style="max-width:1100px">{"".join(figures)}</div>' if figures else ""
+    return fill('<div class="full" style="max-width:1100px">{}</div>', Markup().join(figures)) if figures else ""
 
 
 def waterfall_section(diagnosis: Diagnosis) -> str:
@@ -138,13 +143,13 @@ def alternatives_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
             if finding.effect in listed and other in listed:
                 continue
             if other in added:
-                state = '<span class="good">both are missing</span>: each explains what the other does not'
+                state = Markup('<span class="good">both are missing</span>: each explains what the other does not')
             elif other in candidates:
-                state = '<span class="good">separated</span>: it explains these data less well'
+                state = Markup('<span class="good">separated</span>: it explains these data less well')
             else:
                 state = "no candidate: these data do not depend on it, or it cannot be determined"
             remedy = _remedy(finding.effect, other, words)
-            rows.append([f"{escape(finding.effect)} or {escape(other)}?", state, remedy])
+            rows.append([f"{finding.effect} or {other}?", state, remedy])
     text = (
         "An alternative is not separable if the likelihood with it instead of the selected term is within two standard "
         "errors of the best."
@@ -175,14 +180,14 @@ def _effect_of(name: str) -> str:
 
 def _set_row(names: tuple[str, ...], words: Vocabulary) -> list[str]:
     members = list(dict.fromkeys(_member_words(name) for name in names))
-    either = " <b>or</b> ".join(escape(name) for name in members)
+    either = Markup(" <b>or</b> ").join(name for name in members)
     effects = [name for name in names if words.kind(_effect_of(name))]
     reason = "each explains these data as well as the others; the first is used"
     if effects == [names[0]]:
         reason = "a free curve explains these data as well as the effect, which has fewer parameters"
-    state = f'<span class="warn">not separable</span>: {reason}'
+    state = fill('<span class="warn">not separable</span>: {}', reason)
     remedies = [_remedy(names[0], other, words) for other in names[1:]]
-    return [f"<b>either</b> {either}", state, "<br>".join(dict.fromkeys(remedies))]
+    return [fill("<b>either</b> {}", either), state, Markup("<br>").join(dict.fromkeys(remedies))]
 
 
 def _member_words(name: str) -> str:
@@ -199,17 +204,17 @@ def _remedy(first: str, second: str, words: Vocabulary) -> str:
     pair = _effect_of(first), _effect_of(second)
     known = separations(*pair)
     if known:
-        return escape(" ".join(f"{row.why} {row.remedy}" for row in known))
+        return " ".join(f"{row.why} {row.remedy}" for row in known)
     laws = [f"{name}: {kind.equation}" for name in pair if (kind := words.kind(name)) and kind.equation]
     if len(laws) == 2:
-        return escape(f"Vary what one equation depends on while the other stays constant. {'; '.join(laws)}")
+        return f"Vary what one equation depends on while the other stays constant. {'; '.join(laws)}"
     on = [name for name in map(_covariates, map(_member_words, pair)) if name]
     if laws:
-        return escape(
+        return (
             f"Vary the {on[0] if on else 'covariate'} while the quantities of {laws[0]} stay constant, and the "
             "reverse; where that is impossible both are one dependence."
         )
-    return escape(f"Vary {' and '.join(on)} independently of each other: each at several values of the other.")
+    return f"Vary {' and '.join(on)} independently of each other: each at several values of the other."
 
 
 def _covariates(member: str) -> str:
@@ -227,14 +232,11 @@ def ranking_rows(diagnosis: Diagnosis) -> str:
 
 def smallest_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
     """HTML: amplitudes that would have been detected."""
-    rows = [
-        [escape(effect), escape(name), escape(_amplitude(effect, name, value, words))]
-        for effect, name, value in smallest_rows(diagnosis)
-    ]
+    rows = [[effect, name, _amplitude(effect, name, value, words)] for effect, name, value in smallest_rows(diagnosis)]
     text = "Smallest amplitudes that are detected with 80 % power in these data, in addition to the final model."
     shown = table(["effect", "amplitude", "detected from"], rows)
     if shown and diagnosis.effects:
-        shown = f"<details><summary>Show the table</summary>{shown}</details>"
+        shown = fill("<details><summary>Show the table</summary>{}</details>", shown)
     return section("Smallest detectable amplitudes", shown, text=text)
 
 

@@ -10,10 +10,12 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, LAYOUT, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
 from cosim.discrepancy.report.bins import Bins
 from cosim.report import button, legend
+from cosim.report.html import fill
 from cosim.view.scripts import scene_script
 
 SHOWN_CHANNELS = ("range", "intensity", "drop")
@@ -42,27 +44,33 @@ def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[s
     """
     if not scans:
         return ""
-    frames = "".join(
+    frames = Markup().join(
         button(f"frame {scan.name}{', the worst' if row == 0 and len(scans) > 1 else ''}", row == 0, frame=scan.name)
         for row, scan in enumerate(scans)
     )
-    toggle = "".join(button(word, row == len(sides) - 1, side=str(row)) for row, word in enumerate(sides))
+    toggle = Markup().join(button(word, row == len(sides) - 1, side=str(row)) for row, word in enumerate(sides))
     data = json.dumps(packed_scans(scans, bins, len(sides)), separators=(",", ":"), allow_nan=False)
+    data = Markup(data.replace("<", "\\u003c"))
     states = [(f"rgb{colour}", words) for words, colour in _STATES.values() if words]
     gradient = f"linear-gradient(90deg,{','.join(f'rgb{stop}' for stop in _STOPS)})"
     return (
-        f'<div class="scan" id="scan"><div class="picks">{frames}</div>'
-        + (f'<div class="picks" role="group" aria-label="model">{toggle}</div>' if len(sides) > 1 else "")
-        + '<p class="slice" id="slice" aria-live="polite"></p>'
-        '<canvas id="image" aria-label="the scan as a range image: one row per ring, one column per azimuth"></canvas>'
-        '<div class="ends"><span>left, +180°</span><span>+90°</span><span>ahead</span><span>−90°</span>'
-        "<span>−180°, right</span></div>"
-        '<canvas id="cloud" tabindex="0" aria-label="points in three dimensions"></canvas>'
-        '<p class="beam" id="beam">Point at the scan for a single beam. Drag the points to turn them, with shift to '
-        "move, scroll to come nearer; or use the arrow keys, + and −, t for the top view, r to go back.</p>"
-        f'<div class="legend"><span><b id="low"></b> <i style="width:130px;background:{gradient}"></i> '
-        f'<b id="high"></b></span></div>{legend(states)}</div>'
-        f'<script type="application/json" id="scan-data">{data}</script>\n{scene_script(_script())}'
+        fill('<div class="scan" id="scan"><div class="picks">{}</div>', frames)
+        + (fill('<div class="picks" role="group" aria-label="model">{}</div>', toggle) if len(sides) > 1 else "")
+        + fill(
+            '<p class="slice" id="slice" aria-live="polite"></p><canvas id="image" aria-label="the scan as a '
+            'range image: one row per ring, one column per azimuth"></canvas><div class="ends"><span>left, '
+            "+180°</span><span>+90°</span><span>ahead</span><span>−90°</span><span>−180°, right</span></div>"
+            '<canvas id="cloud" tabindex="0" aria-label="points in three dimensions"></canvas><p '
+            'class="beam" id="beam">Point at the scan for a single beam. Drag the points to turn them, with '
+            "shift to move, scroll to come nearer; or use the arrow keys, + and −, t for the top view, r to "
+            'go back.</p><div class="legend"><span><b id="low"></b> <i style="width:130px;background:{}"></i>'
+            ' <b id="high"></b></span></div>{}</div><script type="application/json" id="scan-data">'
+            "{}</script>\n{}",
+            gradient,
+            legend(states),
+            data,
+            scene_script(_script()),
+        )
     )
 
 
@@ -92,7 +100,7 @@ def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
     every = max(1, -(-scan.rings * scan.firings // LAYOUT.beams))
     columns = -(-scan.firings // every)
     arrays: list[tuple[str, np.ndarray]] = [
-        ("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, "<u2"), scan, every))
+        ("range", _thinned(_steps(scan.measured_m, _STEP_M, 0, Markup("<u2")), scan, every))
     ]
     for number, side in enumerate((scan.before, scan.after)[-sides:]):
         arrays += [(f"{number}:{name}", _thinned(values, scan, every)) for name, values in _of_side(side)]
@@ -117,7 +125,7 @@ def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
 def _of_side(side: Side) -> list[tuple[str, np.ndarray]]:
     found = [("state", side.state)]
     for name in SHOWN_CHANNELS:
-        kind, absent = ("<i2", _ABSENT_RANGE) if name == "range" else ("|i1", _ABSENT)
+        kind, absent = (Markup("<i2"), _ABSENT_RANGE) if name == "range" else ("|i1", _ABSENT)
         found.append((name, _steps(side.residuals[name], _STEP[name], absent, kind)))
     return found
 

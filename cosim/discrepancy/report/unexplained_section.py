@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from html import escape
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.discrepancy.quantities import channel_words, covariate_words, dependence_words, shown, unit_words
@@ -16,6 +16,7 @@ from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
 from cosim.discrepancy.words import UNDETERMINED, table_words
 from cosim.report import button, figure, section, table
+from cosim.report.html import fill
 from cosim.report.phrases import as_sure, p_cell, p_words
 from cosim.report.plot import Axis, Plot
 
@@ -27,7 +28,7 @@ def unexplained_section(diagnosis: Diagnosis) -> str:
     keys = {(cell.channel, cell.covariates) for cell in diagnosis.evidence}
     rows = [
         [
-            escape(channel_words(row.channel)), escape(_on(row)), escape(size_words(row)), escape(p_cell(row.p_value)),
+            channel_words(row.channel), _on(row), size_words(row), p_cell(row.p_value),
             _opener(row, keys),
         ]
         for row in diagnosis.unexplained
@@ -75,20 +76,28 @@ def unknown_section(diagnosis: Diagnosis) -> str:
 
 def _unknown(unknown: UnknownEffect, change: str) -> str:
     curve = unknown.curve
-    fit = f"<p>The formula explains {unknown.r2:.1%} of the curve.</p>" if unknown.terms else ""
+    fit = fill("<p>The formula explains {:.1%} of the curve.</p>", unknown.r2) if unknown.terms else ""
     parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
-    parameters = f"<p>Fitted together with everything else: {escape(parameters)}.</p>" if parameters else ""
+    parameters = fill("<p>Fitted together with everything else: {}.</p>", parameters) if parameters else ""
     law = table_words(unknown) or unknown.form
     details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
-    variables = f"<p>{escape(details[0].upper() + details[1:])}</p>" if details else ""
+    variables = fill("<p>{}</p>", details[0].upper() + details[1:]) if details else ""
     head = dependence_words(curve.channel, curve.covariates)
-    error = f"<p>Aligned error {change.replace('<br>', '; ')}</p>" if change else ""
-    charts = "".join(_factor_chart(unknown, factor) for factor in unknown.factors)
-    return (
-        f"<h3>{escape(head[0].upper() + head[1:])}, {escape(p_words(curve.p_value))}</h3>"
-        f'<p class="formula">{escape(law)}</p>{variables}{fit}{parameters}'
-        f"{error}<p>The improved sensor contains it as <code>{escape(unknown.name)}.py</code>: a plug-in to rename and "
-        f"edit when its cause is known.</p>{charts}{_object_table(unknown)}"
+    error = fill("<p>Aligned error {}</p>", change.replace(Markup("<br>"), "; ")) if change else ""
+    charts = Markup().join(_factor_chart(unknown, factor) for factor in unknown.factors)
+    return fill(
+        '<h3>{}, {}</h3><p class="formula">{}</p>{}{}{}{}<p>The improved sensor contains it as <code>'
+        "{}.py</code>: a plug-in to rename and edit when its cause is known.</p>{}{}",
+        head[0].upper() + head[1:],
+        p_words(curve.p_value),
+        law,
+        variables,
+        fit,
+        parameters,
+        error,
+        unknown.name,
+        charts,
+        _object_table(unknown),
     )
 
 
@@ -155,7 +164,7 @@ def _object_table(unknown: UnknownEffect) -> str:
     kinds, axes = (tuple(map(str, axis)) for axis in curve.x)
     rows = [
         [
-            escape(kind),
+            kind,
             *(f"{100 * y:+.1f} ± {200 * error:.1f} cm".replace("-", "−") for y, error in zip(*row, strict=True)),
         ]
         for kind, *row in zip(kinds, curve.y, curve.sigma, strict=True)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.words import Vocabulary
 from cosim.recordings.calibration.drives import Drives
 from cosim.recordings.calibration.estimates import Combined
 from cosim.report import document, facts, figure, section, table
+from cosim.report.html import fill
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
 
@@ -43,8 +43,7 @@ def format_comparison(drives: Drives) -> str:
     return document(
         title,
         [
-            f"<header><h1>{escape(title)}</h1><p class='verdict'>{escape(headline(drives))}</p>"
-            f"{_facts(drives)}</header>",
+            fill("<header><h1>{}</h1><p class='verdict'>{}</p>{}</header>", title, headline(drives), _facts(drives)),
             section("What differs", _differences(drives), text=_TEXT),
             section("Together", _charts(drives), _combined(drives), text=_TOGETHER),
             section("Drive by drive", _drives(drives)),
@@ -68,14 +67,14 @@ def _facts(drives: Drives) -> str:
     for name, one in zip(drives.names[1:], drives.directions, strict=True):
         if one is not None:
             items.append((f"Ray direction, {name}", f"{one.mean_deg:.4f}° mean, {one.max_deg:.4f}° largest"))
-    return facts([(escape(name), value) for name, value in items])
+    return facts([(name, value) for name, value in items])
 
 
 def _differences(drives: Drives) -> str:
     rows = [
         [
-            escape(_named(one.effect, one.parameter, one.row)),
-            escape(f"{one.drives[0]} → {one.drives[1]}"),
+            _named(one.effect, one.parameter, one.row),
+            f"{one.drives[0]} → {one.drives[1]}",
             f"{one.difference:+.4g} ({one.low:+.4g} to {one.high:+.4g}){_unit(one.effect, one.parameter)}",
             p_cell(one.p_value),
             "differs" if one.is_significant else "",
@@ -83,9 +82,9 @@ def _differences(drives: Drives) -> str:
         for one in drives.differences[:_MOST_ROWS]
     ]
     if not rows:
-        return "<p>No parameter was estimated in two drives.</p>"
+        return Markup("<p>No parameter was estimated in two drives.</p>")
     rest = len(drives.differences) - len(rows)
-    more = f"<p>{rest} more differ less.</p>" if rest > 0 else ""
+    more = fill("<p>{} more differ less.</p>", rest) if rest > 0 else ""
     return table(["parameter", "drives", "difference", "p", ""], rows, words=(0, 1, 2, 4)) + more
 
 
@@ -100,16 +99,16 @@ def _combined(drives: Drives) -> str:
         ]
         together = f"{one.mean:.4g} ({one.mean_low:.4g} to {one.mean_high:.4g}){_unit(one.effect, one.parameter)}"
         agree = "one drive" if one.p_agree is None else p_cell(one.p_agree)
-        rows.append([escape(_named(one.effect, one.parameter, None)), *by_drive, together, agree])
+        rows.append([_named(one.effect, one.parameter, None), *by_drive, together, agree])
     if not rows:
-        return "<p>No plain number was estimated; lists with a number a laser are in the sensor file.</p>"
-    heads = ["parameter", *map(escape, drives.names), "together", "p of agreement"]
+        return Markup("<p>No plain number was estimated; lists with a number a laser are in the sensor file.</p>")
+    heads = ["parameter", *drives.names, "together", "p of agreement"]
     return table(heads, rows, words=range(len(heads) - 1))
 
 
 def _charts(drives: Drives) -> str:
     plain = [one for one in drives.combined if one.row is None and sum(value is not None for value in one.values) > 1]
-    return f'<div class="charts">{"".join(_chart(drives, one) for one in plain[:6])}</div>'
+    return fill('<div class="charts">{}</div>', Markup().join(_chart(drives, one) for one in plain[:6]))
 
 
 def _chart(drives: Drives, one: Combined) -> str:
@@ -129,15 +128,15 @@ def _chart(drives: Drives, one: Combined) -> str:
     both = np.array([0.5, len(drives.names) + 0.5])
     plot.line(both, np.full(2, one.mean), "b")
     text = "each drive with its 95 % interval (yellow), mean of all (blue)"
-    return figure(escape(_named(one.effect, one.parameter, None)), text, plot.svg())
+    return figure(_named(one.effect, one.parameter, None), text, plot.svg())
 
 
 def _drives(drives: Drives) -> str:
     rows = [
         [
-            f'<a href="{escape(name)}/index.html">{escape(name)}</a>',
+            fill('<a href="{}/index.html">{}</a>', name, name),
             "yes" if one.acceptance.is_recommended else "no",
-            escape(one.acceptance.reason),
+            one.acceptance.reason,
             f"{1000 * one.rounds[0].thickness_ground_m:.1f} → {1000 * one.rounds[-1].thickness_ground_m:.1f}",
         ]
         for name, one in zip(drives.names, drives.calibrations, strict=True)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from cosim.discrepancy.words import UNDETERMINED, Vocabulary
 from cosim.recordings.calibration.estimates import latest_estimates
 from cosim.recordings.calibration.loop import Calibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
+from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot, nice_top
 
 
@@ -47,13 +48,17 @@ def format_page(calibration: Calibration) -> str:
     return document(
         f"Calibration on {name}",
         [
-            f"<header><h1>Calibration on {escape(name)}</h1><p class='verdict'>{escape(headline(calibration))}</p>"
-            f"{_facts(calibration)}</header>",
+            fill(
+                "<header><h1>Calibration on {}</h1><p class='verdict'>{}</p>{}</header>",
+                name,
+                headline(calibration),
+                _facts(calibration),
+            ),
             _report(calibration),
             _transfers(calibration),
             section(
                 "Round by round",
-                f'<div class="charts">{_thickness(calibration)}{_errors(calibration)}</div>',
+                fill('<div class="charts">{}{}</div>', _thickness(calibration), _errors(calibration)),
                 _links(calibration),
             ),
             section(
@@ -78,7 +83,7 @@ def _facts(calibration: Calibration) -> str:
     return facts(
         [
             ("Recommended", "yes" if calibration.acceptance.is_recommended else "no: keep your file"),
-            ("Sensor file to use", escape(calibration.sensor_out.relative_to(calibration.folder).as_posix())),
+            ("Sensor file to use", calibration.sensor_out.relative_to(calibration.folder).as_posix()),
             ("Rounds", f"{len(calibration.rounds)}" + ("" if calibration.settled else ", not settled")),
             ("Aligned error of untouched scans, last round", f"{last.aligned_after:.2f}"),
             ("Noise floor", floor),
@@ -140,8 +145,14 @@ def _report(calibration: Calibration) -> str:
         value, (low, high) = offset
         published = ", ".join(f"{name} {degrees}°" for name, degrees in _PUBLISHED_DEG)
         parts.append(
-            f"<p>Elevation offset {value:.3f}° ({low:.3f} to {high:.3f}). Corrections by hand in public code for "
-            f"KITTI's HDL-64E: {published}.</p>"
+            fill(
+                "<p>Elevation offset {:.3f}° ({:.3f} to {:.3f}). Corrections by hand in public code for KITTI's "
+                "HDL-64E: {}.</p>",
+                value,
+                low,
+                high,
+                published,
+            )
         )
     return section("Calibration report", *parts)
 
@@ -152,7 +163,7 @@ def _transfers(calibration: Calibration) -> str:
     for one in calibration.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
         by = {"step": "added on the same map", "map": "new map made with it"}[one.by]
-        rows.append([escape(one.effect), change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
+        rows.append([one.effect, change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
     if not rows:
         return ""
     heads = ["finding", "change of the error of untouched scans", "measured", "transfers"]
@@ -164,7 +175,7 @@ def _advice(last: Round) -> str:
     rows = []
     for one in last.advice:
         now = "more than its allowed range" if one["now"] is None else f"{one['now']:.3g} {one['unit']}"
-        rows.append([escape(f"{one['effect']}, {one['parameter']}"), escape(now), escape(one["words"])])
+        rows.append([f"{one['effect']}, {one['parameter']}", now, one["words"]])
     if not rows:
         return ""
     text = (
@@ -223,10 +234,10 @@ def _links(calibration: Calibration) -> str:
         rows.append(
             [
                 f"{one.number}",
-                escape(added),
-                f'<a href="{place}/map/index.html">map</a>',
-                f'<a href="{place}/diagnosis/index.html">diagnosis</a>',
-                f'<a href="{one.sensor_out}">sensor file</a>',
+                added,
+                fill('<a href="{}/map/index.html">map</a>', place),
+                fill('<a href="{}/diagnosis/index.html">diagnosis</a>', place),
+                fill('<a href="{}">sensor file</a>', one.sensor_out),
             ]
         )
     return table(["round", "found", "", "", ""], rows, words=(1, 2, 3, 4))
@@ -242,16 +253,16 @@ def _findings(calibration: Calibration) -> str:
                 latest[name] = (latest[name][0], {**latest[name][1], **one})
     rows = [
         [
-            escape(name),
+            name,
             f"{number}",
-            escape(said_params(name, one["params"], one["ci95"])),
+            said_params(name, one["params"], one["ci95"]),
             f"{one['p_value']:.2g}",
-            escape(", ".join(one["also_possible"]) or "–"),
+            ", ".join(one["also_possible"]) or "–",
         ]
         for name, (number, one) in latest.items()
     ]
     if not rows:
-        return "<p>No effect is missing from the sensor file.</p>"
+        return Markup("<p>No effect is missing from the sensor file.</p>")
     return table(["effect", "round", "parameters", "p", "or"], rows, words=(0, 2, 4))
 
 
@@ -276,13 +287,13 @@ def said_params(effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any])
 
 def _unexplained(last: Round) -> str:
     shapes = [
-        [one["channel"], escape(", ".join(one["covariates"])), escape(str(one["form"])), f"{one['p_value']:.2g}"]
+        [one["channel"], ", ".join(one["covariates"]), str(one["form"]), f"{one['p_value']:.2g}"]
         for one in last.unknowns
     ]
     left = [
         [
             one["channel"],
-            escape(", ".join(one["covariates"]) or f"as {one.get('looks_like', '')} would make it"),
+            ", ".join(one["covariates"]) or f"as {one.get('looks_like', '')} would make it",
             f"{one['size']:.3g} {one['unit']}",
             f"{one['p_value']:.2g}",
         ]
@@ -293,14 +304,14 @@ def _unexplained(last: Round) -> str:
         parts.append(table(["channel", "depends on", "shape", "p"], shapes, words=(0, 1, 2)))
     if left:
         parts.append(table(["channel", "depends on", "size", "p"], left, words=(0, 1)))
-    return section("Not explained", *(parts or ["<p>Nothing significant is left.</p>"]))
+    return section("Not explained", *(parts or [Markup("<p>Nothing significant is left.</p>")]))
 
 
 def _history(calibration: Calibration) -> str:
     rows = [
         [
-            escape(one.sensor),
-            escape(_few(one.effects)),
+            one.sensor,
+            _few(one.effects),
             f"{one.error:.3f}",
             f"{one.error_aligned:.3f}",
             f"{1000 * one.thickness_ground_m:.1f}",
@@ -323,7 +334,7 @@ def _undetermined(last: Round) -> str:
             f"{name}: more than its allowed range" if value is None else f"{name} {words.quantity(effect, name, value)}"
             for name, value in values.items()
         ]
-        rows.append([escape(effect), escape(", ".join(told))])
+        rows.append([effect, ", ".join(told)])
     if not rows:
         return ""
     text = "The smallest amplitude of each that this recording would have shown, in four of five such drives."

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import cv2
 import numpy as np
+from markupsafe import Markup
 
 from cosim.recordings.mapping.twin import RecordingTwin
 from cosim.report import document, facts, figure, legend, notes_section, section, table
+from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot, nice_top
 
 _PIXELS = 900
@@ -26,13 +26,19 @@ def format_page(twin: RecordingTwin) -> str:
         f"{1000 * result['thickness_walls_m']:.1f} mm on walls"
         + (f"; scans that took no part lie on it within {1000 * held:.1f} mm." if held else ".")
     )
-    charts = "".join((_above(twin), _thick(twin), _by_scans(twin), _sweep(twin), _path_errors(twin), _rounds(twin)))
+    charts = Markup().join(
+        (_above(twin), _thick(twin), _by_scans(twin), _sweep(twin), _path_errors(twin), _rounds(twin))
+    )
     return document(
         f"Twin of {twin.recording.name}",
         [
-            f"<header><h1>Twin of a recording: {escape(twin.recording.name)}</h1><p class='verdict'>{verdict}</p>"
-            f"{_facts(result, twin)}</header>",
-            section("The map", f'<div class="charts">{charts}</div>'),
+            fill(
+                "<header><h1>Twin of a recording: {}</h1><p class='verdict'>{}</p>{}</header>",
+                twin.recording.name,
+                verdict,
+                _facts(result, twin),
+            ),
+            section("The map", fill('<div class="charts">{}</div>', charts)),
             _left_out(twin, result),
             notes_section(twin.notes, "What to know"),
         ],
@@ -43,7 +49,7 @@ def format_page(twin: RecordingTwin) -> str:
 def _facts(result: dict, twin: RecordingTwin) -> str:
     return facts(
         [
-            ("Poses", escape(result["poses"])),
+            ("Poses", result["poses"]),
             ("Lasers", f"{result['lasers']}"),
             ("Height of the sensor", f"{result['mount']['height_m']:.2f} m"),
             ("Points on the map", f"{result['points_on_map_share']:.0%}"),
@@ -69,7 +75,7 @@ def _left_out(twin: RecordingTwin, result: dict) -> str:
     ]
     if twin.made.refused:
         blank = np.count_nonzero(~twin.made.mapped)
-        rows.append(["segments without a map", f"{blank}", escape(twin.made.refused[0].partition(": ")[2])])
+        rows.append(["segments without a map", f"{blank}", twin.made.refused[0].partition(": ")[2]])
     return section("Left out", table(["", "how many", "why"], rows, words=(2,)))
 
 
@@ -175,7 +181,7 @@ def _sweep(twin: RecordingTwin) -> str:
     return figure(
         f"Motion-compensated: {sweep.is_compensated}",
         f"Strength of the sensor's motion in the points by stretch (yellow), mean (blue) and 95 % interval (green): "
-        f"{escape(sweep.evidence)}.",
+        f"{sweep.evidence}.",
         plot.svg(),
     )
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
+from markupsafe import Markup
 
 from cosim.recordings.pattern.find import FoundPattern
 from cosim.report import document, facts, figure, notes_section, section, table
+from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot, nice_top
 
 
@@ -19,17 +19,23 @@ def format_page(pattern: FoundPattern, title: str) -> str:
         title: plain text.
     """
     lasers = pattern.lasers
-    head = (
-        f"<header><h1>{escape(title)}</h1><p class='verdict'>{len(lasers)} lasers from "
-        f"{lasers.elevation_deg[0]:+.2f}° to {lasers.elevation_deg[-1]:+.2f}°, {pattern.turning.firings} firings/turn; "
-        f"{lasers.share:.1%} of the points lie on a laser's cone.</p>{_facts(pattern)}</header>"
+    head = fill(
+        "<header><h1>{}</h1><p class='verdict'>{} lasers from {:+.2f}° to {:+.2f}°, {} firings/turn; "
+        "{:.1%} of the points lie on a laser's cone.</p>{}</header>",
+        title,
+        len(lasers),
+        lasers.elevation_deg[0],
+        lasers.elevation_deg[-1],
+        pattern.turning.firings,
+        lasers.share,
+        _facts(pattern),
     )
-    charts = "".join(
+    charts = Markup().join(
         (_elevations(pattern), _spacing(pattern), _misfit(pattern), _fan(pattern), _centres(pattern), _share(pattern))
     )
     parts = [
         head,
-        section("What the points show", f'<div class="charts">{charts}</div>'),
+        section("What the points show", fill('<div class="charts">{}</div>', charts)),
         notes_section(pattern.notes, "What to know"),
         section("Lasers", _table(pattern)),
     ]
@@ -131,7 +137,7 @@ def _table(pattern: FoundPattern) -> str:
         ]
         for row in range(len(lasers))
     )
-    return f"<details><summary>{len(lasers)} lasers</summary>{table(heads, rows)}</details>"
+    return fill("<details><summary>{} lasers</summary>{}</details>", len(lasers), table(heads, rows))
 
 
 def _padded(values: np.ndarray) -> tuple[float, float]:

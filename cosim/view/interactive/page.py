@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping
-from html import escape
 from typing import Any
 
+from markupsafe import Markup
+
+from cosim.report.html import fill
 from cosim.view.interactive.style import STYLE
 from cosim.view.scripts import viewer_script
 
@@ -44,52 +46,60 @@ def page_parts(
     absences = list(absences)
     title = " | ".join(drive for drive, _ in absences)
     source = "'self'" if settings["served"] else "'none'"
-    head = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}{source}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<meta name="generator" content="{GENERATOR}">\n<title>{escape(title)}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n"
+    head = fill(
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta '
+        'http-equiv="Content-Security-Policy" content="{}{}">\n<meta name="viewport" '
+        'content="width=device-width, initial-scale=1">\n<meta name="generator" content="{}">\n<title>'
+        "{}</title>\n<style>{}</style>\n</head>\n<body>\n",
+        Markup(_POLICY),
+        Markup(source),
+        GENERATOR,
+        title,
+        Markup(STYLE),
     )
-    panes = "".join(_pane(drive, missing) for drive, missing in absences)
-    link = f'<a href="{escape(pictures)}">pictures</a>' if pictures else ""
-    data = json.dumps(settings, separators=(",", ":")).replace("<", "\\u003c")
-    head += f'<main>{panes}</main>\n{_controls(link)}\n<script type="application/json" id="settings">{data}</script>\n'
-    return head, f"{viewer_script()}\n</body>\n</html>\n"
+    panes = Markup().join(_pane(drive, missing) for drive, missing in absences)
+    link = fill('<a href="{}">pictures</a>', pictures) if pictures else ""
+    data = Markup(json.dumps(settings, separators=(",", ":")).replace("<", "\\u003c"))
+    head += fill(
+        '<main>{}</main>\n{}\n<script type="application/json" id="settings">{}</script>\n', panes, _controls(link), data
+    )
+    return head, fill("{}\n</body>\n</html>\n", viewer_script())
 
 
 def frame_element(kind: str, drive: int, name: str, data: bytes) -> str:
     """HTML element that contains a frame."""
     text = base64.b64encode(data).decode()
-    return f'<script type="text/plain" data-{kind}="{drive}" data-name="{escape(name)}">{text}</script>\n'
+    return fill('<script type="text/plain" data-{}="{}" data-name="{}">{}</script>\n', kind, drive, name, text)
 
 
 def _pane(title: str, missing: tuple[str, ...]) -> str:
     absent = ""
     if missing:
-        items = "".join(f"<li>{escape(note)}</li>" for note in missing)
-        absent = f"<details><summary>{len(missing)} absent</summary><ul>{items}</ul></details>"
-    return (
-        f'<section class="pane"><header><h1>{escape(title)}</h1><div class="facts"></div>{absent}</header>'
-        '<div class="space"><canvas class="points" aria-label="points in three dimensions"></canvas>'
-        '<canvas class="over"></canvas><div class="legend"></div><pre class="tip" hidden></pre>'
-        '<p class="fault" hidden>Points need WebGL, which is disabled or not available in this browser.</p></div>'
-        '<div class="image"><canvas aria-label="camera image"></canvas>'
-        '<p class="no-image" hidden>no camera images in this frame</p></div></section>'
+        items = Markup().join(fill("<li>{}</li>", note) for note in missing)
+        absent = fill("<details><summary>{} absent</summary><ul>{}</ul></details>", len(missing), items)
+    return fill(
+        '<section class="pane"><header><h1>{}</h1><div class="facts"></div>{}</header><div class="space">'
+        '<canvas class="points" aria-label="points in three dimensions"></canvas><canvas class="over">'
+        '</canvas><div class="legend"></div><pre class="tip" hidden></pre><p class="fault" hidden>Points '
+        'need WebGL, which is disabled or not available in this browser.</p></div><div class="image">'
+        '<canvas aria-label="camera image"></canvas><p class="no-image" hidden>no camera images in this '
+        "frame</p></div></section>",
+        title,
+        absent,
     )
 
 
 def _controls(link: str) -> str:
-    keys = "".join(f"<dt>{key}</dt><dd>{does}</dd>" for key, does in _KEYS)
-    return (
-        '<footer><button id="play" title="space">▶</button>'
-        '<input id="slider" type="range" min="0" value="0" aria-label="frame"><output id="place"></output>'
-        '<div id="modes" role="group" aria-label="colours"></div>'
-        '<div role="group"><button id="boxes" title="key b"></button><button id="names" title="key n">names</button>'
-        '<button id="projected" title="key p">points in image</button>'
-        '<button id="camera" title="key c">next camera</button></div>'
-        '<div role="group"><button id="behind" title="key r">behind</button>'
-        '<button id="above" title="key t">above</button><button id="help" title="key ?">keys</button></div>'
-        f'{link}<span id="waiting" hidden>tracing the twin…</span><span id="fault"></span></footer>'
-        f'<dl id="keys" hidden>{keys}</dl>'
+    keys = Markup().join(fill("<dt>{}</dt><dd>{}</dd>", key, does) for key, does in _KEYS)
+    return fill(
+        '<footer><button id="play" title="space">▶</button><input id="slider" type="range" min="0" '
+        'value="0" aria-label="frame"><output id="place"></output><div id="modes" role="group" '
+        'aria-label="colours"></div><div role="group"><button id="boxes" title="key b"></button><button '
+        'id="names" title="key n">names</button><button id="projected" title="key p">points in '
+        'image</button><button id="camera" title="key c">next camera</button></div><div role="group">'
+        '<button id="behind" title="key r">behind</button><button id="above" title="key t">above</button>'
+        '<button id="help" title="key ?">keys</button></div>{}<span id="waiting" hidden>tracing the '
+        'twin…</span><span id="fault"></span></footer><dl id="keys" hidden>{}</dl>',
+        link,
+        keys,
     )

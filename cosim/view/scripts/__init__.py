@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib.resources import files
 
+from markupsafe import Markup
+
 _SHARED = ("matrices", "orbit", "palettes", "canvas", "gl_program", "gl_points", "gl_lines", "scene")
 _VIEWER = (
     "unpacking",
@@ -21,12 +23,12 @@ _VIEWER = (
 )
 
 
-def scene_script(*more: str) -> str:
+def scene_script(*more: str) -> Markup:
     """A script element with what draws points in three dimensions, then further code, in a scope of its own."""
     return _element([*(_file(name) for name in _SHARED), *more])
 
 
-def viewer_script() -> str:
+def viewer_script() -> Markup:
     """A script element with the whole viewer of `cosim view`."""
     return _element(_file(name) for name in (*_SHARED, *_VIEWER))
 
@@ -35,6 +37,6 @@ def _file(name: str) -> str:
     return (files(__name__) / f"{name}.js").read_text(encoding="utf-8")
 
 
-def _element(parts: Iterable[str]) -> str:
+def _element(parts: Iterable[str]) -> Markup:
     code = "\n".join(parts)
-    return f'<script>\n(() => {{\n"use strict";\n{code}\n}})();\n</script>'
+    return Markup(f'<script>\n(() => {{\n"use strict";\n{code}\n}})();\n</script>')

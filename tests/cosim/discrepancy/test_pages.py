@@ -285,7 +285,7 @@ def test_the_page_of_a_diagnosis_names_effect_interval_rivals_and_the_drive_that
         "3.1 cm",
         "2.9 cm to 3.3 cm",
         "&lt; 0.001",
-        "asphalt beside road marking",
+        "asphalt and marking",
         "positions of scans 0.9 cm, orientations of scans 0.02° and reflectances of objects 5 %",
         "<b>either</b> range_walk <b>or</b> incidence_bias",
     ):
@@ -394,7 +394,7 @@ def test_alternatives_of_an_either_or_set_have_a_drive_that_separates_them() -> 
     sets = (("range_walk [amplitude_m; decay 4]", "incidence_bias [gain_m]", "range by albedo"),)
     text = format_diagnosis(replace(diagnosis(finding(also=())), either_or=sets), Vocabulary(), "drive", "my.yaml")
     assert "<b>either</b> range_walk <b>or</b> incidence_bias <b>or</b> range by reflectance of the surface" in text
-    assert "asphalt beside road marking" in text
+    assert "asphalt and marking" in text
     assert "Vary the reflectance of the surface while" in text
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
+
+from markupsafe import Markup
 
 from cosim.report import Piece, document, facts, section, signed, stacked_bar, table
+from cosim.report.html import fill
 from cosim.report.phrases import listed
 from training.evaluation.losses.box_errors import PARTS
 from training.evaluation.losses.find import SPLIT, Losses, difference, intervals
@@ -50,9 +52,9 @@ def format_losses(name: str, difficulty: str, sets: Sequence[Losses]) -> str:
         sets: one or two.
     """
     title = f"Losses of average precision: {name}, {difficulty}"
-    parts = [f"<header><h1>{escape(title)}</h1>{''.join(_format_headline(losses) for losses in sets)}</header>"]
+    parts = [fill("<header><h1>{}</h1>{}</header>", title, Markup().join(_format_headline(losses) for losses in sets))]
     for metric in SPLIT:
-        bars = "".join(_format_bar(losses, metric) for losses in sets)
+        bars = Markup().join(_format_bar(losses, metric) for losses in sets)
         parts.append(
             section(_TITLES[metric], bars, _format_table(sets, metric), text=_MEANING if metric == SPLIT[0] else "")
         )
@@ -64,8 +66,8 @@ def _format_headline(losses: Losses) -> str:
     split = losses.splits["3d"]
     worst = sorted(split.share, key=lambda kind: -split.share[kind])[:3]
     summary = listed([f"{KINDS[kind][0]} {split.share[kind]:.1f}" for kind in worst if split.share[kind] >= 0.05])
-    losses_text = f" Largest losses: {escape(summary)}." if summary else ""
-    verdict = f"<p class=verdict>{escape(losses.title)}: 3D AP {split.ap:.1f} of 100.{losses_text}</p>"
+    losses_text = f" Largest losses: {summary}." if summary else ""
+    verdict = fill("<p class=verdict>{}: 3D AP {:.1f} of 100.{}</p>", losses.title, split.ap, losses_text)
     numbers = [("frames", f"{losses.frames:,}")]
     for metric in losses.splits:
         numbers.append((f"{_TITLES[metric]} R40", f"{losses.r40[metric]:.1f}"))
@@ -85,7 +87,7 @@ def _format_bar(losses: Losses, metric: Metric) -> str:
     for (kind, (label, explanation)), colour in zip(KINDS.items(), _COLOURS, strict=True):
         if kind in split.share:
             pieces.append(Piece(label, split.share[kind], colour, explanation))
-    return f"<h3 class=set>{escape(losses.title)}</h3>{stacked_bar(pieces, f'{losses.title}, {metric}', 1)}"
+    return fill("<h3 class=set>{}</h3>{}", losses.title, stacked_bar(pieces, f"{losses.title}, {metric}", 1))
 
 
 def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
@@ -118,7 +120,7 @@ def _format_table(sets: Sequence[Losses], metric: Metric) -> str:
 
 def _with_interval(value: float, bounds: tuple[float, float] | None, of_two: bool = False) -> str:
     summary, *ends = (signed(number) if of_two else _minus(f"{number:z.1f}") for number in (value, *(bounds or ())))
-    return f"{summary}<small>{' – '.join(ends)}</small>" if ends else summary
+    return fill("{}<small>{}</small>", summary, Markup(" – ").join(ends)) if ends else summary
 
 
 def _format_parts(losses: Losses) -> str:
@@ -128,7 +130,12 @@ def _format_parts(losses: Losses) -> str:
             items = losses.parts[metric].get(by)
             if items:
                 tables.append(
-                    f"<h3 class=set>{_TITLES[metric]}, by {_SORTED[by]}</h3>{_part_table(items, losses.splits[metric])}"
+                    fill(
+                        "<h3 class=set>{}, by {}</h3>{}",
+                        _TITLES[metric],
+                        _SORTED[by],
+                        _part_table(items, losses.splits[metric]),
+                    )
                 )
     text = "Gain of AP if one type is corrected in this subset only. False alarms are assigned by their own position."
     return section(f"By subset: {losses.title}", *tables, text=text)
@@ -138,7 +145,7 @@ def _part_table(items: Sequence[Part], split: Split) -> str:
     error_types = [kind for kind in KINDS if kind in split.share]
     most = max((part.gain.get(kind, 0.0) for part in items for kind in error_types), default=0.0)
     rows = [
-        [escape(part.name), f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in error_types)]
+        [part.name, f"{part.objects:,}", *(_shaded(part.gain.get(kind), most) for kind in error_types)]
         for part in items
     ]
     return table(["", "objects", *(KINDS[kind][0] for kind in error_types)], rows)
@@ -149,7 +156,7 @@ def _shaded(gain: float | None, most: float) -> str:
         return ""
     strength = 0.75 * min(max(gain / most, 0.0), 1.0) if most > 0 else 0.0
     label = _minus(f"{round(gain, 1) + 0.0:.1f}")
-    return f'<span class="heat" style="background:rgba(255,178,62,{strength:.2f})">{label}</span>'
+    return fill('<span class="heat" style="background:rgba(255,178,62,{:.2f})">{}</span>', strength, label)
 
 
 def _format_box_errors(losses: Losses) -> str:
@@ -157,7 +164,7 @@ def _format_box_errors(losses: Losses) -> str:
     for items in losses.errors:
         cells = [
             _minus(f"{items.median[part]:+.{1 if part.endswith('deg') else 2}f}")
-            + f"<small>± {items.spread[part]:.{1 if part.endswith('deg') else 2}f}</small>"
+            + fill("<small>± {}</small>", f"{items.spread[part]:.{(1 if part.endswith('deg') else 2)}f}")
             for part in PARTS
         ]
         rows.append([items.name, f"{items.objects:,}", *cells])
