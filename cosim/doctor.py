@@ -39,7 +39,7 @@ _GPU = "import torch; assert torch.cuda.is_available(); print(torch.cuda.get_dev
 
 
 @dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """Result of checking one dependency.
 
     Attributes:
@@ -65,9 +65,9 @@ class Finding:
         return f"missing  {self.name}: {self.remedy} ({self.used_for})"
 
 
-def examine() -> Iterator[Finding]:
+def examine() -> Iterator[CheckResult]:
     """Check the dependencies one after another; each check takes up to a few seconds."""
-    yield Finding("Python", True, f"{platform.python_version()}, cosim {_version('cosim')}", "everything", "")
+    yield CheckResult("Python", True, f"{platform.python_version()}, cosim {_version('cosim')}", "everything", "")
     yield _run_check("SUMO", _SUMO, "traffic", "pip install eclipse-sumo libsumo sumolib", needed=True)
     yield _run_check("Embree", _RAYS, "LiDAR", "pip install embreex", needed=True)
     for name, backend, package in (("OSMesa", "osmesa", "libosmesa6"), ("EGL", "egl", "libegl1")):
@@ -80,34 +80,36 @@ def examine() -> Iterator[Finding]:
     yield _check_chromium()
 
 
-def can_record(findings: list[Finding]) -> bool:
+def can_record(findings: list[CheckResult]) -> bool:
     """Whether `cosim run` works: all required dependencies and at least one OpenGL backend work."""
     has_renderer = any(finding.works for finding in findings if finding.name in ("OSMesa", "EGL"))
     return has_renderer and all(finding.works for finding in findings if finding.needed)
 
 
-def _run_check(name: str, code: str, used_for: str, remedy: str, *, needed: bool = False) -> Finding:
+def _run_check(name: str, code: str, used_for: str, remedy: str, *, needed: bool = False) -> CheckResult:
     output = _last_line([sys.executable, "-c", code])
-    return Finding(name, output is not None, output or "", used_for, remedy, needed)
+    return CheckResult(name, output is not None, output or "", used_for, remedy, needed)
 
 
-def _check_package(name: str, package: str, used_for: str, extra: str) -> Finding:
+def _check_package(name: str, package: str, used_for: str, extra: str) -> CheckResult:
     installed = _version(package)
-    return Finding(name, bool(installed), installed, used_for, f"pip install 'cosim[{extra}]'")
+    return CheckResult(name, bool(installed), installed, used_for, f"pip install 'cosim[{extra}]'")
 
 
-def _check_gpu() -> Finding:
+def _check_gpu() -> CheckResult:
     used_for, remedy = "only for faster training and detection", "a CUDA driver and a build of torch for it"
     if importlib.util.find_spec("torch") is None:
-        return Finding("GPU", False, "", used_for, f"torch, and {remedy}")
+        return CheckResult("GPU", False, "", used_for, f"torch, and {remedy}")
     return _run_check("GPU", _GPU, used_for, remedy)
 
 
-def _check_chromium() -> Finding:
+def _check_chromium() -> CheckResult:
     program: Callable[[str], str | None] = shutil.which
     path = next(filter(None, map(program, _CHROMIUMS)), None)
     output = _last_line([path, "--version"]) if path else None
-    return Finding("chromium", output is not None, output or "", "tests that open pages", "apt-get install chromium")
+    return CheckResult(
+        "chromium", output is not None, output or "", "tests that open pages", "apt-get install chromium"
+    )
 
 
 def _last_line(command: list[str]) -> str | None:

@@ -24,13 +24,13 @@ from sumo_nets.type_table import read_types
 from sumo_nets.vtypes import make_vtypes, write_vtypes
 
 if TYPE_CHECKING:
-    from sumo_nets.vtypes import Model
+    from sumo_nets.vtypes import VehicleModel
 
 _LOG = logging.getLogger(__name__)
 _BEYOND_THE_STREETS_M = 60.0
 
 
-def build_town(recipe: Recipe, folder: Path, models: Iterable[Model] | None = None) -> Path:
+def build_town(recipe: Recipe, folder: Path, models: Iterable[VehicleModel] | None = None) -> Path:
     """Build a town and return the path of its `.sumocfg`.
 
     Writes NAME.net.xml (network), NAME.add.xml (vehicle types, parking areas), NAME.rou.xml (demand) and NAME.sumocfg.
@@ -70,7 +70,7 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[Model] | None = No
     return folder / config.name
 
 
-def _specs(catalogue: Any) -> list[Model]:
+def _specs(catalogue: Any) -> list[VehicleModel]:
     return list(catalogue.values() if isinstance(catalogue, dict) else catalogue)
 
 

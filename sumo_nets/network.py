@@ -11,14 +11,14 @@ import numpy as np
 from sumo_nets.plan import Plan, Street, road_of
 from sumo_nets.polyline import beside, densify
 from sumo_nets.recipe import Recipe, StreetRules
-from sumo_nets.relief import Ground
+from sumo_nets.relief import TerrainHeights
 from sumo_nets.tools import run_tool, strip_comments
 
 _LONGEST_PIECE_M = 12.0
 _DRIVERS = "passenger delivery truck bus motorcycle bicycle emergency taxi"
 
 
-def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator, net: Path) -> None:
+def build_network(recipe: Recipe, plan: Plan, ground: TerrainHeights, rng: np.random.Generator, net: Path) -> None:
     """Write the plain XML files next to `net` and make the network with netconvert.
 
     From the kerb inwards an edge has a sidewalk, a parking strip where the plan wants one (a lane that is closed to
@@ -36,7 +36,7 @@ def build_network(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Gen
     drape(net, ground)
 
 
-def drape(net: Path, ground: Ground) -> None:
+def drape(net: Path, ground: TerrainHeights) -> None:
     """Put every shape point of a network exactly on the ground, and points where there are few.
 
     netconvert carries the height of a street's middle line sideways to its lanes; where streets meet on a slope, their
@@ -76,7 +76,7 @@ def _connections(plan: Plan) -> str:
     return "\n".join(["<connections>", *lines, "</connections>", ""])
 
 
-def _nodes(recipe: Recipe, plan: Plan, ground: Ground, rng: np.random.Generator) -> str:
+def _nodes(recipe: Recipe, plan: Plan, ground: TerrainHeights, rng: np.random.Generator) -> str:
     lines = ["<nodes>"]
     arms, main_arms = plan.arms(), plan.arms(main_only=True)
     for i, (name, (x, y)) in enumerate(zip(plan.names, plan.positions, strict=True)):
@@ -100,7 +100,7 @@ def _control(arms: int, main_arms: int, rules: StreetRules, rng: np.random.Gener
     return "priority" if main_arms > 0 or arms < 3 else "right_before_left"
 
 
-def _edges(recipe: Recipe, plan: Plan, ground: Ground) -> str:
+def _edges(recipe: Recipe, plan: Plan, ground: TerrainHeights) -> str:
     lines = ["<edges>"]
     for street in plan.streets:
         lines += _edge(recipe.streets, plan, ground, street, forward=True)
@@ -109,7 +109,7 @@ def _edges(recipe: Recipe, plan: Plan, ground: Ground) -> str:
     return "\n".join([*lines, "</edges>", ""])
 
 
-def _edge(rules: StreetRules, plan: Plan, ground: Ground, street: Street, forward: bool) -> list[str]:
+def _edge(rules: StreetRules, plan: Plan, ground: TerrainHeights, street: Street, forward: bool) -> list[str]:
     start, end = (street.start, street.end) if forward else (street.end, street.start)
     road = road_of(street, rules)
     xy = street.shape if forward else street.shape[::-1]

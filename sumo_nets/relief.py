@@ -10,7 +10,7 @@ from sumo_nets.recipe import Relief
 
 
 @dataclass(frozen=True)
-class Ground:
+class TerrainHeights:
     """A sum of sinusoids, z = Σ aᵢ sin(kᵢ·p + φᵢ) − offset.
 
     Attributes:
@@ -37,7 +37,7 @@ class Ground:
         return np.linalg.norm(gradient, axis=-1)
 
 
-def make_ground(relief: Relief, half_size_m: float, rng: np.random.Generator) -> Ground:
+def make_ground(relief: Relief, half_size_m: float, rng: np.random.Generator) -> TerrainHeights:
     """Draw a ground that spans the relief's range, flattened where it would be steeper than allowed.
 
     Args:
@@ -48,9 +48,9 @@ def make_ground(relief: Relief, half_size_m: float, rng: np.random.Generator) ->
     heading = rng.uniform(0, 2 * np.pi, relief.waves)
     wavelength = rng.uniform(*relief.wavelength_m, relief.waves)
     wave = (2 * np.pi / wavelength)[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    raw = Ground(wavelength / wavelength.mean(), wave, rng.uniform(0, 2 * np.pi, relief.waves), 0.0)
+    raw = TerrainHeights(wavelength / wavelength.mean(), wave, rng.uniform(0, 2 * np.pi, relief.waves), 0.0)
     axis = np.linspace(-half_size_m, half_size_m, 101)
     samples = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     height = raw.height(samples)
     scale = min(relief.range_m / np.ptp(height), relief.max_grade / raw.grade(samples).max())
-    return Ground(raw.amplitude_m * scale, wave, raw.phase_rad, float(height.mean() * scale))
+    return TerrainHeights(raw.amplitude_m * scale, wave, raw.phase_rad, float(height.mean() * scale))

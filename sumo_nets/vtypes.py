@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 
-class Model(Protocol):
+class VehicleModel(Protocol):
     """What this module reads of a catalogue entry (`assets.models.catalogue.ModelSpec`)."""
 
     @property
@@ -98,7 +98,7 @@ _CAR_SHAPES = {"hatchback": "passenger/hatchback", "sedan": "passenger/sedan", "
 _CAR_SHAPES |= {"estate": "passenger/wagon", "wagon": "passenger/wagon"}
 
 
-def make_vtypes(models: Iterable[Model]) -> tuple[VType, ...]:
+def make_vtypes(models: Iterable[VehicleModel]) -> tuple[VType, ...]:
     """Return one vehicle type per body and size, ordered by id; of cars, six sizes around each model's own."""
     counts: Counter[tuple[str, str, float, float, float]] = Counter()
     for m in models:

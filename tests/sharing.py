@@ -40,12 +40,12 @@ class _ThisProcess:
         *,
         refresh_task: Callable[[Any], Any] = lambda task: task,
     ) -> list[Any]:
-        from cosim.engine import Event
+        from cosim.engine import JobEvent
 
         with job.open(1) as do:
             for task in tasks:
                 do(task, on_event)
-                on_event(Event("task"))
+                on_event(JobEvent("task"))
         return []
 
 

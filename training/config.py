@@ -11,7 +11,7 @@ from assets.documents import DocumentError, parse_yaml
 from cosim.drives.files import read_text
 from sensors.pattern import first_problem
 from training.data.augment import Augment
-from training.data.source import Source
+from training.data.source import FrameSource
 from training.errors import TrainingError
 from training.models.settings import ModelSettings
 
@@ -23,8 +23,8 @@ class TrainConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    train: tuple[Source, ...] = Field(description="training frames: `drive`, and `split`, `frames` or `count`")
-    validate_on: tuple[Source, ...] = Field(default=(), description="frames for validation during training")
+    train: tuple[FrameSource, ...] = Field(description="training frames: `drive`, and `split`, `frames` or `count`")
+    validate_on: tuple[FrameSource, ...] = Field(default=(), description="frames for validation during training")
     out: Path | None = Field(default=None, description="folder of checkpoints and logs; `--out` takes precedence")
     model: ModelSettings = Field(default=ModelSettings(), description="the detector: a preset's name, or its keys")
     classes: tuple[str, ...] = Field(default=("Car",), min_length=1, description="classes to detect")

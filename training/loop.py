@@ -15,8 +15,8 @@ from torch.nn.parallel import DistributedDataParallel
 from training.checkpoints import load_weights, read_checkpoint, save_checkpoint
 from training.config import TrainConfig
 from training.data.batch import Batch
-from training.data.dataset import AugmentedFrames, Steps, load
-from training.data.frame import Sample
+from training.data.dataset import AugmentedFrames, TrainingSteps, load
+from training.data.frame import TrainingSample
 from training.devices import ProcessContext, explain_out_of_memory
 from training.errors import TrainingError
 from training.logs import TrainingLog
@@ -68,7 +68,7 @@ class Training:
     def __init__(
         self,
         config: TrainConfig,
-        samples: list[Sample],
+        samples: list[TrainingSample],
         folder: Path,
         process: ProcessContext,
         validate: Callable[[Detector], dict[str, Any]] = lambda detector: {},
@@ -77,7 +77,7 @@ class Training:
         self._config, self._folder, self._process = config, folder, process
         self._validate, self._on_step = validate, on_step
         self._frames = AugmentedFrames(samples, config.augment, config.classes, config.seed)
-        self._order = Steps(len(samples), config.batch_size, config.seed, process.rank, process.world)
+        self._order = TrainingSteps(len(samples), config.batch_size, config.seed, process.rank, process.world)
         self._steps = config.steps or config.epochs * self._order.per_epoch
         torch.manual_seed(config.seed)
         self.detector = build_detector(config.model, config.classes)

@@ -12,7 +12,7 @@ import yaml
 
 from cosim.drives.writer import explained
 from training.config import TrainConfig
-from training.data.source import Source, read_samples
+from training.data.source import FrameSource, read_samples
 from training.devices import join_processes
 from training.errors import TrainingError
 from training.evaluation import Evaluation, evaluate, pair_frames
@@ -66,7 +66,7 @@ def run_training(config: TrainConfig, folder: Path, watcher: Watcher | None = No
 
 
 def score(
-    detector: Detector, source: Source, classes: tuple[str, ...], device: torch.device, folder: Path | None = None
+    detector: Detector, source: FrameSource, classes: tuple[str, ...], device: torch.device, folder: Path | None = None
 ) -> Evaluation:
     """Compute KITTI's metrics of a detector on labelled frames; detections are written to `folder` if given.
 

@@ -19,7 +19,7 @@ _MOST_FACES = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MeshPart:
     """Triangles of one material.
 
     Attributes:
@@ -44,7 +44,7 @@ class MeshFile:
         unit_m: metres in a unit.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
     up: str | None
     forward: str | None
     unit_m: float
@@ -109,13 +109,13 @@ def _read_gltf(data: bytes, file: Path) -> MeshFile:
         material = getattr(getattr(shape.visual, "material", None), "name", None)
         faces = shape.faces if np.linalg.det(pose[:3, :3]) > 0 else shape.faces[:, ::-1]
         vertices = np.asarray(shape.vertices, np.float64) @ pose[:3, :3].T + pose[:3, 3]
-        parts.append(Part(vertices, np.asarray(faces, np.int64), (str(material or ""), str(key), str(node))))
+        parts.append(MeshPart(vertices, np.asarray(faces, np.int64), (str(material or ""), str(key), str(node))))
     return MeshFile(tuple(parts), "+y", "+z", 1.0)  # glTF 2.0 § 3.4: +Y up, the front of an asset faces +Z, metres
 
 
 def _read_obj(data: bytes, file: Path) -> MeshFile:
     parts = tuple(
-        Part(vertices, faces, (name,)) for vertices, faces, name in parse_obj(data.decode("utf-8", "replace"))
+        MeshPart(vertices, faces, (name,)) for vertices, faces, name in parse_obj(data.decode("utf-8", "replace"))
     )
     return MeshFile(parts, None, None, 1.0)
 
@@ -137,7 +137,7 @@ def _read_dae(data: bytes, file: Path) -> MeshFile:
             wears = primitive.material
             names = (str(getattr(wears, "name", None) or getattr(wears, "id", None) or ""), str(bound.original.id))
             faces = np.asarray(primitive.vertex_index, np.int64).reshape(-1, 3)
-            parts.append(Part(np.asarray(primitive.vertex, np.float64).reshape(-1, 3), faces, names))
+            parts.append(MeshPart(np.asarray(primitive.vertex, np.float64).reshape(-1, 3), faces, names))
     asset: Any = document.assetInfo
     up = {"X_UP": "+x", "Z_UP": "+z"}.get(str(asset.upaxis), "+y")  # COLLADA 1.4.1: Y_UP by default
     return MeshFile(tuple(parts), up, None, float(asset.unitmeter or 1.0))

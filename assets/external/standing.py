@@ -8,7 +8,7 @@ import numpy as np
 
 from assets.errors import AssetError
 from assets.external.manifest import VehicleEntry
-from assets.external.reading import MeshFile, Part
+from assets.external.reading import MeshFile, MeshPart
 from assets.mesh import Mesh
 
 _ROWS = {"x": 0, "y": 1, "z": 2}
@@ -53,7 +53,7 @@ def stand(content: MeshFile, entry: VehicleEntry, file: Path) -> list[Mesh]:
     return [Mesh.of((vertices - base) * scale, faces, "car_paint") for vertices, faces in used]
 
 
-def _used(part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _used(part: MeshPart) -> tuple[np.ndarray, np.ndarray]:
     """The vertices that faces name, and the faces in their rows; the others may lie anywhere."""
     rows, faces = np.unique(part.faces, return_inverse=True)
     return part.vertices[rows], faces.reshape(-1, 3)

@@ -9,14 +9,14 @@ from assets.models.car_lines import CarLines
 from assets.models.catalogue import ModelSpec
 from assets.models.seats import bench, seat, steering_wheel
 from assets.models.shell import HalfShell, both_sides
-from assets.models.styles import Style
+from assets.models.styles import BodyStyle
 from assets.shapes import extrude, flipped, quad_strip
 
 _FLOOR_OVER_UNDERBODY_M = 0.09
 _DOOR_DEPTH_M = 0.08
 
 
-def cabin(spec: ModelSpec, style: Style, lines: CarLines, skin: HalfShell, belt_row: int) -> Mesh:
+def cabin(spec: ModelSpec, style: BodyStyle, lines: CarLines, skin: HalfShell, belt_row: int) -> Mesh:
     """Tub with door panels, dashboard, seats and parcel shelf.
 
     Args:

@@ -12,7 +12,7 @@ from assets.models.car_skin import RAIL, ROOF_EDGE, STRIP, car_skin
 from assets.models.catalogue import ModelSpec
 from assets.models.fittings import number_plate, side_mirrors
 from assets.models.shell import HalfShell
-from assets.models.styles import STYLES, Style
+from assets.models.styles import STYLES, BodyStyle
 from assets.models.wheels import four_wheels
 
 _LINING_DEPTH_M = 0.03
@@ -36,7 +36,7 @@ def build_car(spec: ModelSpec) -> Mesh:
     )
 
 
-def _lined(style: Style, lines: CarLines, skin: HalfShell) -> np.ndarray:
+def _lined(style: BodyStyle, lines: CarLines, skin: HalfShell) -> np.ndarray:
     """Cells of the greenhouse that show an inner side: its pillars and roof."""
     opaque = (material_column("kind") != "glass")[skin.materials]
     share = lines.behind / lines.behind[-1]
@@ -49,14 +49,14 @@ def _lined(style: Style, lines: CarLines, skin: HalfShell) -> np.ndarray:
     return lined
 
 
-def _mirrors(spec: ModelSpec, style: Style, lines: CarLines, skin: HalfShell) -> Mesh:
+def _mirrors(spec: ModelSpec, style: BodyStyle, lines: CarLines, skin: HalfShell) -> Mesh:
     column = int(np.searchsorted(lines.behind / lines.behind[-1], style.panes[0][0] - 0.01))
     x, y, z = skin.points[column, STRIP]
     size = 1.0 if spec.kind == "car" else 1.5
     return side_mirrors((x + 0.10 * size, y - 0.03, z), spec.width_m / 2, size)
 
 
-def _plates(spec: ModelSpec, style: Style, lines: CarLines) -> list[Mesh]:
+def _plates(spec: ModelSpec, style: BodyStyle, lines: CarLines) -> list[Mesh]:
     """Plates on the foremost and rearmost part of the bumpers."""
     height = [style.clearance_m + 0.46 * (lines.belt[end] - style.clearance_m) for end in (0, -1)]
     return [

@@ -9,7 +9,7 @@ import numpy as np
 from assets.models.catalogue import ModelSpec
 from assets.models.curves import monotone_cubic, smooth_step
 from assets.models.plan import ARCH_GAP_M, arch_rise, plan_outline, sections
-from assets.models.styles import Line, Style
+from assets.models.styles import BodyStyle, Line
 
 MIRROR_REACH_M = 0.03  # how far a mirror extends beyond the side
 PLATE_REACH_M = 0.008  # how far a number plate extends beyond the bumper
@@ -42,7 +42,7 @@ class CarLines:
     in_arch: np.ndarray
 
 
-def car_lines(spec: ModelSpec, style: Style) -> CarLines:
+def car_lines(spec: ModelSpec, style: BodyStyle) -> CarLines:
     """Sample the lines of `style` at sections fit for the dimensions of `spec`."""
     length = spec.length_m - 2 * PLATE_REACH_M
     flank = spec.width_m / 2 - MIRROR_REACH_M
@@ -82,7 +82,7 @@ def _axles(spec: ModelSpec, length: float) -> list[float]:
     return [length / 2 - spec.front_axle_x_m, length / 2 - spec.rear_axle_x_m]
 
 
-def _sections(spec: ModelSpec, style: Style, length: float) -> np.ndarray:
+def _sections(spec: ModelSpec, style: BodyStyle, length: float) -> np.ndarray:
     edges = [*style.windscreen, *style.backlight, *(edge for pane in style.panes for edge in pane)]
     edges += [np.mean(style.windscreen), np.mean(style.backlight)]
     radius = style.wheel_radius_m(spec) + ARCH_GAP_M

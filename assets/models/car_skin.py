@@ -8,7 +8,7 @@ from assets.materials import material_index
 from assets.models.car_lines import CarLines
 from assets.models.catalogue import ModelSpec
 from assets.models.shell import HalfShell
-from assets.models.styles import Style
+from assets.models.styles import BodyStyle
 
 FLANK = (0.0, 0.20, 0.42, 0.62, 0.83, 1.0)  # flank rows, share of the way from underbody to belt
 ROOF = (0.93, 0.54, 0.0)  # roof rows, share of the way from the centre line to the crest
@@ -20,7 +20,7 @@ _LEAST_RISE_M = 0.05
 _LEAST_PANE_M = 0.13  # minimum height of the greenhouse above the belt line for glass
 
 
-def car_skin(spec: ModelSpec, style: Style, lines: CarLines) -> HalfShell:
+def car_skin(spec: ModelSpec, style: BodyStyle, lines: CarLines) -> HalfShell:
     """Left half of the skin; rows as named above, 3 below the sill for the underbody and the wheel wells."""
     flank = _flank(style, lines)
     greenhouse = _greenhouse(style, lines, flank[:, -1])
@@ -49,13 +49,13 @@ def _inward(lines: CarLines, inset: np.ndarray, height: np.ndarray) -> np.ndarra
     return np.stack([x, y, np.broadcast_to(height, x.shape)], -1)
 
 
-def _flank(style: Style, lines: CarLines) -> np.ndarray:
+def _flank(style: BodyStyle, lines: CarLines) -> np.ndarray:
     height = lines.bottom[:, None] + (lines.belt - lines.bottom)[:, None] * np.array(FLANK)
     share = (height - style.clearance_m) / (lines.belt - style.clearance_m)[:, None]
     return _inward(lines, _flank_inset(lines, share), height)
 
 
-def _greenhouse(style: Style, lines: CarLines, foot: np.ndarray) -> np.ndarray:
+def _greenhouse(style: BodyStyle, lines: CarLines, foot: np.ndarray) -> np.ndarray:
     """Rows from the belt to the crest: strip, pane in two halves, cantrail."""
     rise = np.maximum(lines.crest - lines.belt, 0.012)
     low = np.minimum(BELT_STRIP_M / rise, 0.3)
@@ -69,7 +69,7 @@ def _greenhouse(style: Style, lines: CarLines, foot: np.ndarray) -> np.ndarray:
     return np.stack([x, y, foot[:, None, 2] + rise[:, None] * share], -1)
 
 
-def _roof(style: Style, lines: CarLines, crest: np.ndarray) -> np.ndarray:
+def _roof(style: BodyStyle, lines: CarLines, crest: np.ndarray) -> np.ndarray:
     """Rows from next to the crest to the centre line, curved forward and upward."""
     t = np.array(ROOF)
     width = crest[:, 1]
@@ -79,7 +79,7 @@ def _roof(style: Style, lines: CarLines, crest: np.ndarray) -> np.ndarray:
     return np.stack([x, width[:, None] * t, z], -1)
 
 
-def _below(spec: ModelSpec, style: Style, lines: CarLines, sill: np.ndarray) -> np.ndarray:
+def _below(spec: ModelSpec, style: BodyStyle, lines: CarLines, sill: np.ndarray) -> np.ndarray:
     """Rows from the centre line below to the inner wall of the wheel well and up to its roof."""
     wall = np.minimum(spec.track_m / 2 - 0.15, 0.85 * sill[:, 1])
     floor = np.where(lines.in_arch, style.clearance_m, sill[:, 2])
@@ -94,7 +94,7 @@ def _below(spec: ModelSpec, style: Style, lines: CarLines, sill: np.ndarray) -> 
     )
 
 
-def _materials(style: Style, lines: CarLines, points: np.ndarray) -> np.ndarray:
+def _materials(style: BodyStyle, lines: CarLines, points: np.ndarray) -> np.ndarray:
     cells = np.full((points.shape[0] - 1, points.shape[1] - 1), material_index("car_paint"), np.uint8)
     share = lines.behind / lines.behind[-1]
     start, end = share[:-1], share[1:]

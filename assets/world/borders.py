@@ -11,7 +11,7 @@ from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
 from assets.world.houses import House
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _SIDE_SHARE = 0.75  # fenced plots with a border between neighbours too
 
@@ -63,7 +63,7 @@ def knots_between(start: np.ndarray, end: np.ndarray, kind: str) -> np.ndarray:
     return start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start)
 
 
-def garden_borders(houses: list[House], blocked: Obstacles, style: Style, rng: np.random.Generator) -> Borders:
+def garden_borders(houses: list[House], blocked: Obstacles, style: TownStyle, rng: np.random.Generator) -> Borders:
     """Fences, walls and hedges around gardens, with a gate in front."""
     lines = []
     for house in houses:

@@ -30,7 +30,7 @@ from assets.world.terrain import terrain_materials
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class BuiltWorld:
     """Everything in a town that does not move; world axes (x east, y north, z up), metres.
 
     Leaves, panes and pickets are single sheets: trace and draw them from both sides.
@@ -52,7 +52,7 @@ class World:
 
 def build_world(
     streets: Streets, seed: int, environment: Environment | None = None, groundwork: Groundwork | None = None
-) -> World:
+) -> BuiltWorld:
     """Builds the static world around a street network.
 
     The same streets and seed give byte-identical meshes; another seed gives other buildings, façades,
@@ -106,4 +106,4 @@ def build_world(
         parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
     parts.append(planted)
     parts.append(base.bridges)
-    return World(Mesh.merge(parts), ground, base.height, base.bounds, signals)
+    return BuiltWorld(Mesh.merge(parts), ground, base.height, base.bounds, signals)

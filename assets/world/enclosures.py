@@ -13,7 +13,7 @@ from assets.world.fences import PIECE_M, TALL_KINDS
 from assets.world.houses import House
 from assets.world.obstacles import Obstacles
 from assets.world.plots import land_on_left
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 from assets.world.surfaces import Outlines, crossroads, open_roads
 
 _RUN_M = (12.0, 48.0)  # length of one kind and height
@@ -34,7 +34,7 @@ _TREE_M = 9.0
 
 
 def enclose(
-    streets: Streets, outlines: Outlines, houses: list[House], gardens: Borders, blocked: Obstacles, style: Style,
+    streets: Streets, outlines: Outlines, houses: list[House], gardens: Borders, blocked: Obstacles, style: TownStyle,
     rng: np.random.Generator,
 ) -> tuple[Borders, np.ndarray]:  # fmt: skip
     """Borders along street fronts that neither houses nor garden borders close, and spots (n, 2) of trees behind."""

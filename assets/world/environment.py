@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from assets.ranges import Range, draw
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _LEAST = 0.05  # factors below it count as this
 
@@ -36,7 +36,7 @@ class Environment:
         """Return the number of props of a kind per 100 m of sidewalk."""
         return self.props_per_100m.get(kind, usual_per_100m * self.prop_factors.get(kind, 1.0))
 
-    def dress(self, style: Style) -> Style:
+    def dress(self, style: TownStyle) -> TownStyle:
         """Return the style with gaps, set-backs and plants as dense as here."""
         sparse = 1.0 / max(self.building_density, _LEAST)
         gap = style.side_gap_m if style.terrace else (style.side_gap_m[0] * sparse, style.side_gap_m[1] * sparse)

@@ -15,7 +15,7 @@ from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _VARIANTS = 3
 _TRIES = 4  # places looked at for every prop wanted
@@ -69,7 +69,7 @@ _PROPS: dict[str, _Prop] = {
 
 
 def furnish(
-    edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, environment: Environment,
+    edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, environment: Environment,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
     """All loose props of the pavements; `stand_z` gives the height of whatever ground is at a point."""

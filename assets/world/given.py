@@ -12,7 +12,7 @@ from assets.mesh import Mesh
 from assets.shapes import plate
 from assets.streets import StreetBuilding
 from assets.world.facades import BLANK, WINDOW, Cells, facade_mesh
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _FOUNDATION_M, _FLOOR_M = 0.6, 0.15
 _STOREY_M = 3.0
@@ -26,7 +26,7 @@ _BLIND_SHARE = 0.15
 def given_buildings(
     buildings: Sequence[StreetBuilding],
     terrain_z: Callable[[np.ndarray], np.ndarray],
-    style: Style,
+    style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:
     """Buildings with these outlines and heights; walls have windows, roofs are flat.
@@ -51,7 +51,7 @@ def outline_polygon(building: StreetBuilding) -> shapely.Polygon:
 
 
 def _building(
-    building: StreetBuilding, terrain_z: Callable[[np.ndarray], np.ndarray], style: Style, rng: np.random.Generator
+    building: StreetBuilding, terrain_z: Callable[[np.ndarray], np.ndarray], style: TownStyle, rng: np.random.Generator
 ) -> Mesh:
     polygon = outline_polygon(building)
     storeys = int(rng.integers(style.storeys[0], style.storeys[1] + 1))

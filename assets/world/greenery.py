@@ -11,8 +11,8 @@ from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
-from assets.world.plots import Plot
-from assets.world.styles import Style
+from assets.world.plots import BuildingPlot
+from assets.world.styles import TownStyle
 from assets.world.trees import broadleaf, bush, conifer, shrub
 
 _VARIANTS = 6
@@ -29,7 +29,8 @@ _OPEN_LAND_MOST = 220
 
 
 def trees_mesh(
-    edge: Kerbside, plots: list[Plot], bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style,
+    edge: Kerbside, plots: list[BuildingPlot], bounds: np.ndarray, blocked: Obstacles, stand_z: Heights,
+    style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
     """Street trees, garden trees and shrubs, beds along the streets, and trees on open land."""
@@ -44,13 +45,15 @@ def trees_mesh(
 
 
 def hedgerow_trees(
-    spots: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    spots: np.ndarray, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
 ) -> Mesh:
     """Trees at those of `spots` (n, 2) that are free."""
     return _scatter(_mixed(rng, style.conifer_share, 48), _rooted(spots, 2.5, 1.8, 2.0, blocked), stand_z, rng)
 
 
-def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+def _street_trees(
+    edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
+) -> Mesh:
     """Slender trees with high crowns near the kerb."""
     if style.street_tree_gap_m == 0.0:
         return Mesh.empty()
@@ -69,7 +72,11 @@ def _street_trees(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: S
 
 
 def planted_trees(
-    spots: Sequence[tuple[float, float]], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    spots: Sequence[tuple[float, float]],
+    blocked: Obstacles,
+    stand_z: Heights,
+    style: TownStyle,
+    rng: np.random.Generator,
 ) -> Mesh:
     """Trees exactly where a town's files have them; others keep away."""
     places = np.array(spots, np.float64).reshape(-1, 2)
@@ -78,7 +85,7 @@ def planted_trees(
 
 
 def _garden_plants(
-    plots: list[Plot], blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    plots: list[BuildingPlot], blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
 ) -> Mesh:
     """Trees next to and behind the houses, bushes in front of them."""
     trees, bushes = [], []
@@ -100,7 +107,7 @@ def _garden_plants(
     )
 
 
-def _beds(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+def _beds(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator) -> Mesh:
     """Shrubs in rows behind the pavement, or next to a street without one."""
     if style.bed_gap_m == 0.0:
         return Mesh.empty()
@@ -131,7 +138,7 @@ def _tall(rng: np.random.Generator) -> list[Mesh]:
 
 
 def _open_land(
-    bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
 ) -> Mesh:
     """Loose groups of trees between and around the blocks."""
     area = float(np.prod(bounds[1] - bounds[0]))

@@ -20,7 +20,7 @@ CARRIAGEWAY, PAVEMENT, TERRAIN = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class SurfacePlan:
     """The triangulated plan of a town.
 
     Attributes:
@@ -36,7 +36,7 @@ class Plan:
     zone: np.ndarray
 
 
-def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
+def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> SurfacePlan:
     """Delaunay triangulation whose edges contain all outlines (Ruppert 1995: unencroached segments)."""
     paved = outlines.paved
     linework = shapely.union(shapely.boundary(outlines.carriageway), shapely.boundary(paved), grid_size=0.01)
@@ -53,10 +53,10 @@ def triangulate(outlines: Outlines, low: np.ndarray, high: np.ndarray) -> Plan:
     zone = np.full(len(faces), TERRAIN, np.uint8)
     zone[shapely.contains_xy(paved, centre[:, 0], centre[:, 1])] = PAVEMENT
     zone[shapely.contains_xy(outlines.carriageway, centre[:, 0], centre[:, 1])] = CARRIAGEWAY
-    return Plan(triangles, points, faces, zone)
+    return SurfacePlan(triangles, points, faces, zone)
 
 
-def zone_borders(plan: Plan) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def zone_borders(plan: SurfacePlan) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Directed edges between zones: start and end point rows, the zone on the left, the zone on the right.
 
     Every border edge appears twice, once from either side.

@@ -12,11 +12,11 @@ from assets.cache import cached
 from assets.mesh import Mesh
 from assets.streets import Streets
 from assets.world.bridges import decks_mesh, split_levels
-from assets.world.ground import CARRIAGEWAY, TERRAIN, Plan, triangulate
+from assets.world.ground import CARRIAGEWAY, TERRAIN, SurfacePlan, triangulate
 from assets.world.height_field import fit_height_field
 from assets.world.kerbside import Kerbside, kerbside
 from assets.world.markings import markings_mesh
-from assets.world.relief import Relief, ground_mesh, kerb_stones
+from assets.world.relief import TerrainRelief, ground_mesh, kerb_stones
 from assets.world.sheet import Sheet
 from assets.world.surfaces import Outlines, open_roads, outline
 from assets.world.unevenness import unevenness
@@ -51,8 +51,8 @@ class Groundwork:
     outlines: Outlines
     paved: Geometry
     open_roads: Geometry
-    relief: Relief
-    plan: Plan
+    relief: TerrainRelief
+    plan: SurfacePlan
     ground: Mesh
     kerb_stones: Mesh
     markings: Mesh
@@ -83,7 +83,7 @@ def lay_groundwork(streets: Streets) -> Groundwork:
     plan = triangulate(outlines, *bounds)
     smooth = fit_height_field(streets, *bounds)(plan.points)
     height = Sheet(plan.triangles, smooth + unevenness(plan, streets.name))
-    relief = Relief(height, outlines.crossings)
+    relief = TerrainRelief(height, outlines.crossings)
     land = ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8))
     surfaces, bridges = decks_mesh(decks, height, outlines.carriageway)
     paint = [markings_mesh(deck.streets, deck.outline, deck.height) for deck in decks]

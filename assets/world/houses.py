@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assets.world.plots import Plot
-from assets.world.styles import Style
+from assets.world.plots import BuildingPlot
+from assets.world.styles import TownStyle
 
 _FOUNDATION_M = 0.6  # walls reach this far under the lowest ground
 
@@ -31,7 +31,7 @@ class House:
         door_share: position of the street door along the front, 0–1.
     """
 
-    plot: Plot
+    plot: BuildingPlot
     foot_m: float
     floor_m: float
     storeys: int
@@ -64,7 +64,7 @@ class House:
 
 
 def design(
-    plots: list[Plot], style: Style, terrain_z: Callable[[np.ndarray], np.ndarray], rng: np.random.Generator
+    plots: list[BuildingPlot], style: TownStyle, terrain_z: Callable[[np.ndarray], np.ndarray], rng: np.random.Generator
 ) -> list[House]:
     """Draws a house for every plot; `terrain_z` maps (n, 2) to world heights (n,)."""
     if not plots:
@@ -73,7 +73,7 @@ def design(
     return [_draw(plot, style, corners_m, rng) for plot, corners_m in zip(plots, ground_m, strict=True)]
 
 
-def _draw(plot: Plot, style: Style, ground_m: np.ndarray, rng: np.random.Generator) -> House:
+def _draw(plot: BuildingPlot, style: TownStyle, ground_m: np.ndarray, rng: np.random.Generator) -> House:
     roof = str(rng.choice(style.roofs))
     short_side = min(plot.size_m)
     pitch = rng.uniform(0.55, 0.95) if roof == "gable" else rng.uniform(0.4, 0.75)

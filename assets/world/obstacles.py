@@ -10,7 +10,7 @@ from shapely import Geometry, STRtree
 from assets.streets import Streets
 from assets.world import polylines
 from assets.world.given import outline_polygon
-from assets.world.plots import Plot
+from assets.world.plots import BuildingPlot
 from assets.world.surfaces import Outlines
 
 _WALKING_LINE_M = 0.45  # kept free on either side of a sidewalk's centre line
@@ -20,7 +20,7 @@ _CROSSING_M = 1.2  # kept free around crossings
 class Obstacles:
     """Checks positions of props and stores placed ones."""
 
-    def __init__(self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[Plot]) -> None:
+    def __init__(self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[BuildingPlot]) -> None:
         """Collects the fixed obstacles of a town; `paved` is the whole of its outlines."""
         self._carriageway = outlines.carriageway
         self._paved = paved

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely import Geometry
 
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _CLEAR_OF_STREET_M = 0.2
 _CLEAR_OF_OPEN_ROAD_M = 15.0
@@ -18,7 +18,7 @@ _MEADOW_M = (40.0, 120.0)  # frontage of open land between groups of houses
 
 
 @dataclass(frozen=True, eq=False)
-class Plot:
+class BuildingPlot:
     """A piece of street front and the building on it.
 
     Attributes:
@@ -56,14 +56,16 @@ class Plot:
         return self.centre + half[:, :1] * self.along + half[:, 1:] * self.inward
 
 
-def lay_out(paved: Geometry, style: Style, rng: np.random.Generator, open_roads: Geometry | None = None) -> list[Plot]:
+def lay_out(
+    paved: Geometry, style: TownStyle, rng: np.random.Generator, open_roads: Geometry | None = None
+) -> list[BuildingPlot]:
     """Plots along every edge of the paved area, in order along the streets; none along open roads."""
     blocked = shapely.buffer(paved, _CLEAR_OF_STREET_M, quad_segs=2)
     if open_roads is not None:
         blocked = shapely.union(blocked, shapely.buffer(open_roads, _CLEAR_OF_OPEN_ROAD_M, quad_segs=4))
     shapely.prepare(blocked)
     placed = _Footprints(blocked)
-    plots: list[Plot] = []
+    plots: list[BuildingPlot] = []
     for ring in land_on_left(paved):
         plots.extend(_along_ring(ring, style, placed, rng))
     return plots
@@ -77,7 +79,7 @@ class _Footprints:
         self._centres = np.zeros((0, 3))  # x, y, circumradius
         self._shapes: list[Geometry] = []
 
-    def take(self, plot: Plot, gap_m: float) -> bool:
+    def take(self, plot: BuildingPlot, gap_m: float) -> bool:
         """Reserves the plot's footprint if it is free."""
         shape = shapely.Polygon(plot.corners())
         if shapely.intersects(self._blocked, shape):
@@ -106,10 +108,12 @@ def land_on_left(paved: Geometry, least_m2: float = _SMALL_ISLAND_M2) -> list[np
     return rings
 
 
-def _along_ring(ring: np.ndarray, style: Style, placed: _Footprints, rng: np.random.Generator) -> list[Plot]:
+def _along_ring(
+    ring: np.ndarray, style: TownStyle, placed: _Footprints, rng: np.random.Generator
+) -> list[BuildingPlot]:
     """Walks along a ring and puts a building wherever one fits."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
-    plots: list[Plot] = []
+    plots: list[BuildingPlot] = []
     station = float(rng.uniform(0.0, 3.0))
     while station < along[-1]:
         if rng.random() < style.gap_share * 0.6:
@@ -129,7 +133,7 @@ def _along_ring(ring: np.ndarray, style: Style, placed: _Footprints, rng: np.ran
             if length < 0.97 * width:
                 continue
             depth = size[1] * max(shrink, 0.65)
-            plot = Plot((start + end) / 2, chord / length, width, setback, (size[0] * shrink, depth))
+            plot = BuildingPlot((start + end) / 2, chord / length, width, setback, (size[0] * shrink, depth))
             if placed.take(plot, min(gap, 2.0)):
                 plots.append(plot)
                 station += width

@@ -13,7 +13,7 @@ from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
-from assets.world.styles import Style
+from assets.world.styles import TownStyle
 
 _KERB_SETBACK_M = 0.4  # distance of poles from the kerb
 _MAST_ARM_FROM_LANES = 2
@@ -34,7 +34,7 @@ class SignalHead:
 
 
 def props_mesh(
-    streets: Streets, edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator
+    streets: Streets, edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
 ) -> tuple[Mesh, tuple[SignalHead, ...]]:
     """Signals, signs and lamps, and the heads of the signals; `stand_z` gives the height of the ground at a point."""
     controls, heads = _controls(streets, blocked, stand_z)
@@ -118,7 +118,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
     )
 
 
-def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: Style, rng: np.random.Generator) -> Mesh:
+def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator) -> Mesh:
     rows = edge.every(style.lamp_gap_m, rng)
     lamp = furniture.street_lamp(float(rng.uniform(5.0, 8.0)), float(rng.uniform(0.6, 1.6)))
     return _at_kerb(lamp, rows, _KERB_SETBACK_M, 0.3, edge, blocked, stand_z)

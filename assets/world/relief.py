@@ -10,7 +10,7 @@ from shapely import Geometry
 
 from assets.materials import material_index
 from assets.mesh import Mesh
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, ROAD_EDGE_M, TERRAIN, Plan, zone_borders
+from assets.world.ground import CARRIAGEWAY, PAVEMENT, ROAD_EDGE_M, TERRAIN, SurfacePlan, zone_borders
 from assets.world.overlays import ribbons
 from assets.world.sheet import Sheet
 
@@ -22,7 +22,7 @@ _RAMP_M = (0.2, 1.4)  # distances from a crossing between which the kerb rises t
 
 
 @dataclass(frozen=True, eq=False)
-class Relief:
+class TerrainRelief:
     """How high each zone lies over the common sheet.
 
     Attributes:
@@ -60,7 +60,7 @@ class Relief:
         return np.where(paved, self.z(points, PAVEMENT), self.z(points, TERRAIN))
 
 
-def kerb_stones(plan: Plan, relief: Relief) -> Mesh:
+def kerb_stones(plan: SurfacePlan, relief: TerrainRelief) -> Mesh:
     """The stones' upper faces: a strip along the pavement's edge, 3 mm proud."""
     start, end, zone, other = zone_borders(plan)
     edge = (zone == CARRIAGEWAY) & (other == PAVEMENT)
@@ -73,7 +73,7 @@ def kerb_stones(plan: Plan, relief: Relief) -> Mesh:
     )  # as long as the triangles that they lie on
 
 
-def ground_mesh(plan: Plan, relief: Relief, terrain_materials: np.ndarray) -> Mesh:
+def ground_mesh(plan: SurfacePlan, relief: TerrainRelief, terrain_materials: np.ndarray) -> Mesh:
     """Carriageway, pavement, terrain and the vertical kerbs between them.
 
     Args:
@@ -91,7 +91,7 @@ def ground_mesh(plan: Plan, relief: Relief, terrain_materials: np.ndarray) -> Me
     return Mesh.merge([tops, _kerbs(plan, heights)])
 
 
-def _kerbs(plan: Plan, heights: np.ndarray) -> Mesh:
+def _kerbs(plan: SurfacePlan, heights: np.ndarray) -> Mesh:
     """Vertical faces wherever two zones meet, facing the lower one."""
     start, end, zone, other = zone_borders(plan)
     top = np.stack([heights[zone, start], heights[zone, end]], axis=1)

@@ -8,7 +8,7 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Style:
+class TownStyle:
     """Ranges of one kind of town.
 
     Attributes:
@@ -72,8 +72,8 @@ class Style:
 
 _RENDERED = ("plaster_white", "plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick")
 
-STYLES: dict[str, Style] = {
-    "village": Style(
+STYLES: dict[str, TownStyle] = {
+    "village": TownStyle(
         setback_m=(15.0, 32.0),
         front_m=(6.0, 9.0),
         depth_m=(6.5, 9.0),
@@ -100,7 +100,7 @@ STYLES: dict[str, Style] = {
         bed_gap_m=36.0,
         climbers=0.3,
     ),
-    "hamlet": Style(
+    "hamlet": TownStyle(
         setback_m=(0.8, 6.0),
         front_m=(8.0, 13.5),
         depth_m=(8.0, 11.0),
@@ -127,7 +127,7 @@ STYLES: dict[str, Style] = {
         bed_gap_m=36.0,
         climbers=0.35,
     ),
-    "suburb": Style(
+    "suburb": TownStyle(
         setback_m=(3.0, 6.5),
         front_m=(8.5, 15.0),
         depth_m=(8.0, 11.5),
@@ -153,7 +153,7 @@ STYLES: dict[str, Style] = {
         bed_gap_m=36.0,
         climbers=0.25,
     ),
-    "urban": Style(
+    "urban": TownStyle(
         setback_m=(0.25, 0.6),
         front_m=(11.0, 22.0),
         depth_m=(10.0, 13.0),
@@ -180,7 +180,7 @@ STYLES: dict[str, Style] = {
         bed_gap_m=80.0,
         climbers=0.2,
     ),
-    "industrial": Style(
+    "industrial": TownStyle(
         setback_m=(5.0, 12.0),
         front_m=(18.0, 45.0),
         depth_m=(16.0, 32.0),
@@ -206,7 +206,7 @@ STYLES: dict[str, Style] = {
         bed_gap_m=36.0,
         climbers=0.1,
     ),
-    "boulevard": Style(
+    "boulevard": TownStyle(
         setback_m=(0.4, 3.0),
         front_m=(14.0, 26.0),
         depth_m=(12.0, 15.0),
@@ -236,7 +236,7 @@ STYLES: dict[str, Style] = {
 }
 
 
-def style_of(name: str) -> Style:
+def style_of(name: str) -> TownStyle:
     """The ranges of a style.
 
     Raises:

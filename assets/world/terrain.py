@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from assets.materials import material_index
-from assets.world.ground import TERRAIN, Plan
-from assets.world.styles import Style
+from assets.world.ground import TERRAIN, SurfacePlan
+from assets.world.styles import TownStyle
 
 _PATCH_M = 22.0  # size of soil or gravel patches
 _PATCH_LEVEL = 0.72
@@ -15,7 +15,7 @@ _GREEN_FROM_M = 45.0  # beyond the outermost street the land is grass
 
 
 def terrain_materials(
-    plan: Plan, style: Style, town_low: np.ndarray, town_high: np.ndarray, rng: np.random.Generator
+    plan: SurfacePlan, style: TownStyle, town_low: np.ndarray, town_high: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Material row (t,) of every terrain triangle: the style's usual ground, patches, and fields outside.
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, Plan, zone_borders
+from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, SurfacePlan, zone_borders
 
 _CROSSFALL, _FALLS_FROM_M = 0.015, 4.0  # rise over run towards the gutter, from this far on either side
 _SETTLED_M = 0.009  # deviation of each octave on all ground
@@ -23,7 +23,7 @@ _LOOSE_SPACINGS_M = (0.8, 1.6)
 _SPLINE = 2.0 / 3.0, 1.0 / 6.0  # a cubic B-spline at its central knot and the next ones
 
 
-def unevenness(plan: Plan, name: str) -> np.ndarray:
+def unevenness(plan: SurfacePlan, name: str) -> np.ndarray:
     """Heights (n,) in metres of a plan's points over the smooth surface.
 
     Args:
@@ -38,7 +38,7 @@ def unevenness(plan: Plan, name: str) -> np.ndarray:
     return settled + loose * rough + _crossfall(plan)
 
 
-def _inner_zone(plan: Plan) -> np.ndarray:
+def _inner_zone(plan: SurfacePlan) -> np.ndarray:
     """Zone (n,) of every point; on a border that of the more even side."""
     zone = np.full(len(plan.points), TERRAIN)
     for one in (PAVEMENT, CARRIAGEWAY):
@@ -57,7 +57,7 @@ def _octave(points: np.ndarray, spacing_m: float, rng: np.random.Generator) -> n
     return value / ((knot + half) / 2)
 
 
-def _crossfall(plan: Plan) -> np.ndarray:
+def _crossfall(plan: SurfacePlan) -> np.ndarray:
     """Roads and pavements fall to the line where they meet; gutters lie lowest."""
     start, end, zone, _ = zone_borders(plan)
     edge = zone == CARRIAGEWAY

@@ -12,7 +12,7 @@ from assets.mesh import Mesh
 from cosim.capture.camera_views import effect_camera, view_of_images
 from cosim.capture.placed_rig import PlacedCamera, PlacedRig
 from cosim.capture.products import cameras_of, wanted_of
-from cosim.drives.twin import Camera
+from cosim.drives.twin import TwinCamera
 from cosim.scene.lamps import without_signals
 from cosim.scene.site import Models, Site
 from sensors.camera_view import CameraView
@@ -99,10 +99,10 @@ class RigCameras:
             undistorted[name] = images[name] if camera.lens is None else camera.lens.straight(pinhole)
         return RenderedImages(images, undistorted, self._view(ego_pose, lidar_pose_ego, undistorted))
 
-    def twins(self, lidar_pose_ego: np.ndarray) -> dict[str, Camera]:
+    def twins(self, lidar_pose_ego: np.ndarray) -> dict[str, TwinCamera]:
         """The cameras as the twin stores them, by image folder."""
         return {
-            f"image_{name}": Camera(
+            f"image_{name}": TwinCamera(
                 lidar_pose_ego @ camera.in_lidar,
                 camera.P,
                 camera.width,

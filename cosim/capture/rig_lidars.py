@@ -24,7 +24,7 @@ from sensors.tracing import Tracer
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class LidarScan:
     """Traced hits and measured point cloud of one LiDAR in one frame."""
 
     hits: Hits
@@ -55,7 +55,7 @@ class RigLidars:
         ego: Ego,
         view: CameraView | None,
         time_s: float,
-    ) -> dict[str, Scan]:
+    ) -> dict[str, LidarScan]:
         """Scan one instant with every LiDAR.
 
         Args:
@@ -80,10 +80,10 @@ class RigLidars:
                 cloud = sensor.trace_and_measure(scene, pose, instances, motion, rng, view, time_s)
             else:
                 cloud = sensor.measure(hits, rng, view, time_s)
-            scans[name] = Scan(hits, cloud)
+            scans[name] = LidarScan(hits, cloud)
         return scans
 
-    def returns(self, scans: Mapping[str, Scan], instances: int) -> np.ndarray:
+    def returns(self, scans: Mapping[str, LidarScan], instances: int) -> np.ndarray:
         """Count the beams of all LiDARs that hit each instance, (n,)."""
         counts = np.zeros(instances, np.int64)
         for scan in scans.values():
@@ -91,7 +91,7 @@ class RigLidars:
             counts += np.bincount(instance[instance >= 0], minlength=instances)
         return counts
 
-    def files(self, frame: str, scans: Mapping[str, Scan]) -> dict[str, bytes]:
+    def files(self, frame: str, scans: Mapping[str, LidarScan]) -> dict[str, bytes]:
         """Encode points, rays and calibrations of a frame; returns file contents by path."""
         files = {}
         for name, scan in scans.items():
@@ -102,7 +102,7 @@ class RigLidars:
             files[f"{folder}calib/{frame}.txt"] = format_calibration(self._rig.calibrations[name]).encode()
         return files
 
-    def hit_files(self, frame: str, scans: Mapping[str, Scan]) -> dict[str, bytes]:
+    def hit_files(self, frame: str, scans: Mapping[str, LidarScan]) -> dict[str, bytes]:
         """Encode the traced hits of a frame; returns file contents by path."""
         return {
             f"{folder_of(self._suffix(name))}hits/{frame}.npz": encode_hits(scan.hits) for name, scan in scans.items()

@@ -18,9 +18,9 @@ from cosim.capture.disk_estimate import check_disk_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
 from cosim.capture.replayed import replay_of, signal_notes
 from cosim.capture.rig_sensors import folder_of, rig_sensors
-from cosim.capture.worker import Recording, RecordJob
+from cosim.capture.worker import EpisodeRecording, RecordJob
 from cosim.drives.writer import DriveWriter
-from cosim.engine import Engine, Event, LocalEngine, Skipped
+from cosim.engine import Engine, JobEvent, LocalEngine, Skipped
 from cosim.errors import CosimError
 from sensors.sensor_model import SensorModel
 from sumo_nets import RECIPES, read_town
@@ -56,7 +56,7 @@ def run(
     *,
     engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
-    on_event: Callable[[Event], None] = lambda event: None,
+    on_event: Callable[[JobEvent], None] = lambda event: None,
 ) -> RunResult:
     """Record a drive, or resume an interrupted one; its bytes depend only on `config`.
 
@@ -115,11 +115,11 @@ def run(
     return RunResult(folder, len(entries), sum(entry["counts"]["points"] for entry in entries), recorded)
 
 
-def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Callable[[Event], None]) -> None:
+def _record(writer: DriveWriter, config: RunConfig, engine: Engine, on_event: Callable[[JobEvent], None]) -> None:
     """Record the episodes that are not complete."""
 
-    def make_task(plan: EpisodePlan) -> Recording:
-        return Recording(plan, frozenset(writer.manifest()).intersection(plan.frames))
+    def make_task(plan: EpisodePlan) -> EpisodeRecording:
+        return EpisodeRecording(plan, frozenset(writer.manifest()).intersection(plan.frames))
 
     plans = _select_pending(plan_episodes(config), writer.notes(), config.collection.attempts)
     skipped = engine.share_out(

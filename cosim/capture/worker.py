@@ -15,7 +15,7 @@ from cosim.capture.plan import EpisodePlan
 from cosim.capture.replayed import replay_episode, replay_of
 from cosim.drives.lock import shared
 from cosim.drives.writer import DriveWriter
-from cosim.engine import Do, Event, Tell
+from cosim.engine import Do, JobEvent, Tell
 
 _HEARTBEAT_S = 20.0
 
@@ -35,13 +35,13 @@ def _make_heartbeat(tell: Tell) -> Callable[[], None]:
         nonlocal sent_s
         if time.monotonic() - sent_s > _HEARTBEAT_S:
             sent_s = time.monotonic()
-            tell(Event("alive"))
+            tell(JobEvent("alive"))
 
     return step
 
 
 @dataclass(frozen=True)
-class Recording:
+class EpisodeRecording:
     """Task of recording an episode; `done` are the names of its frames that exist already."""
 
     plan: EpisodePlan
@@ -62,7 +62,7 @@ class RecordJob:
 
     @contextmanager
     def open(self, threads: int) -> Iterator[Do]:
-        """Create a recorder; yields a function that records a `Recording`."""
+        """Create a recorder; yields a function that records an `EpisodeRecording`."""
         from cosim.capture.recorder import Recorder
         from cosim.capture.rig_sensors import rig_sensors
 
@@ -70,13 +70,13 @@ class RecordJob:
             replay = None
             recorder = Recorder(self.config, rig_sensors(self.config), DriveWriter(self.folder), threads=threads)
 
-            def record(task: Recording, tell: Tell) -> None:
+            def record(task: EpisodeRecording, tell: Tell) -> None:
                 nonlocal replay
                 town = recorder.move_to(task.plan)
                 if replay is None and self.config.trajectories is not None:
                     replay = replay_of(self.config.trajectories, town)
-                tell(Event("ready"))
-                frames: _FrameArguments = {"done": task.done, "on_frame": lambda name: tell(Event("frame", name))}
+                tell(JobEvent("ready"))
+                frames: _FrameArguments = {"done": task.done, "on_frame": lambda name: tell(JobEvent("frame", name))}
                 if replay is not None:
                     replay_episode(task.plan, self.config, town, replay, recorder, **frames)
                 else:

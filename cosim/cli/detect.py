@@ -92,9 +92,9 @@ def _is_recording(options: argparse.Namespace) -> bool:
 def _detect_in_drive(
     options: argparse.Namespace, console: Console
 ) -> tuple[Sequence[str], list[Labels], Sequence[str]]:
-    from training.data import Source
+    from training.data import FrameSource
 
-    drive, names = Source(drive=options.drive, split=options.split, frames=options.frames).open()
+    drive, names = FrameSource(drive=options.drive, split=options.split, frames=options.frames).open()
     return names, *_detect(options, console, (drive[name] for name in names), len(names))
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from training.evaluation import Evaluation, Scored
-    from training.evaluation.slices import Slice
+    from training.evaluation.slices import ScoreSlice
 
 _DRAWS = 1000
 
@@ -111,7 +111,7 @@ def _intervals(evaluation: Evaluation, options: argparse.Namespace) -> dict[tupl
     }
 
 
-def _parts(evaluation: Evaluation, drive: Any) -> dict[str, dict[str, list[Slice]]]:
+def _parts(evaluation: Evaluation, drive: Any) -> dict[str, dict[str, list[ScoreSlice]]]:
     from training.evaluation.slices import points_in_labels, slices
 
     parts = {}

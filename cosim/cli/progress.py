@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from cosim.engine import Event
+from cosim.engine import JobEvent
 
 if TYPE_CHECKING:
     from training.loop import Moment
@@ -168,7 +168,7 @@ class FrameReport(ProgressReport):
         """Start with `done` existing frames of `total`."""
         self.begin(self._doing, total, done)
 
-    def follow(self, event: Event) -> None:
+    def follow(self, event: JobEvent) -> None:
         """Update the progress with an event of a worker."""
         if event.kind == "ready":
             self.say(self._working)

@@ -19,7 +19,7 @@ from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.selection.refit import Model, refit_with
+from cosim.discrepancy.selection.refit import FittedModel, refit_with
 from cosim.discrepancy.selection.table import score_groups
 from cosim.discrepancy.words import Vocabulary
 from cosim.drives.kitti import Drive
@@ -173,7 +173,7 @@ def _start(
     groups = [group for group in effect_groups(linearisation, [kind], (), ()) if group.effect_name == kind.name]
     by = replace(context.settings.selection, least_left=0.0)
     entries = score_groups(linearisation, groups, linearisation.projector(by.sectors), by)
-    model = Model(on.frames, fitter, on.fitted)
+    model = FittedModel(on.frames, fitter, on.fitted)
     fits = [
         refit_with(model, linearisation, entry.group, entry.coefficients, fine=True, steps=_START_STEPS)[0]
         for entry in entries

@@ -14,7 +14,7 @@ import numpy as np
 from cosim.discrepancy.analysis import Context, FittedFrames, edge_tolerance, fit_random_effects
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
@@ -146,7 +146,7 @@ class Aligned:
         scores = self.scores(PARTS)
         expected = [self._expected(number, PARTS) for number in range(len(self._frames))]
         sums = [
-            estimate_floor(Neighbours.of(frame, frame_scores, expectation), frame_scores, expectation)
+            estimate_floor(NeighbourPairs.of(frame, frame_scores, expectation), frame_scores, expectation)
             for frame, frame_scores, expectation in zip(self._frames, scores, expected, strict=True)
         ]
         floor = NoiseFloor.of(sums)

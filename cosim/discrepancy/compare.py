@@ -17,9 +17,9 @@ from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.diagnose import convert_terms, select
-from cosim.discrepancy.noise_floor import Neighbours, NoiseFloor, estimate_floor
+from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
-from cosim.discrepancy.selection.refit import Model
+from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.words import source_words, times
 from cosim.drives.kitti import Drive
@@ -301,7 +301,7 @@ def compare(
         if name in chosen:
             aligned.append(traced)
         expected = expect(effects, traced.shot)
-        floor.append(estimate_floor(Neighbours.of(traced, scores, expected), scores, expected))
+        floor.append(estimate_floor(NeighbourPairs.of(traced, scores, expected), scores, expected))
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())
@@ -339,7 +339,7 @@ def _budget(
     context = Context(model, tracer, Split(names, names), (), few, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     on = trace_and_fit(context, names, own, traced=tuple(frames))
-    _, _, selected = select(context, Model(on.frames, on.fitter, on.fitted))
+    _, _, selected = select(context, FittedModel(on.frames, on.fitter, on.fitted))
     selected, _, _ = convert_terms(context, selected)
     final = selected.fitted.effects
     on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)

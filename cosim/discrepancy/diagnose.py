@@ -37,8 +37,8 @@ from cosim.discrepancy.inference.dependence import SPURIOUS
 from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.selection.curves import curve_of
-from cosim.discrepancy.selection.refit import Model, Term, rebuild
-from cosim.discrepancy.selection.search import Evidence, select_terms
+from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
+from cosim.discrepancy.selection.search import SelectionEvidence, select_terms
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained, remaining
 from cosim.discrepancy.unknown.effect import UnknownEffect
@@ -99,7 +99,7 @@ def diagnose(
     )  # fmt: skip
     on, exchanged = check_wiring(context, fit_nuisances(context))
     on, facts = add_lattices(context, on)
-    model = Model(on.frames, on.fitter, on.fitted, _initially_free(context))
+    model = FittedModel(on.frames, on.fitter, on.fitted, _initially_free(context))
     first, last, model = select(context, model)
     model, findings, phases = convert_terms(context, model)
     model, findings = drop_insignificant(context, model, findings)
@@ -136,11 +136,11 @@ def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tupl
     return on, tuple(findings)
 
 
-def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
+def select(context: Context, model: FittedModel) -> tuple[SelectionEvidence, SelectionEvidence, FittedModel]:
     """Select terms; the evidence about the model before and after, and the model with its terms."""
-    first: list[Evidence] = []
+    first: list[SelectionEvidence] = []
 
-    def tangents(linearisation: Linearisation, current: Model) -> list[Group]:
+    def tangents(linearisation: Linearisation, current: FittedModel) -> list[Group]:
         return effect_groups(linearisation, context.candidates, (), current.free)
 
     model, last = select_terms(
@@ -150,7 +150,7 @@ def select(context: Context, model: Model) -> tuple[Evidence, Evidence, Model]:
     return first[0], last, model
 
 
-def retrace(context: Context, model: Model) -> Model:
+def retrace(context: Context, model: FittedModel) -> FittedModel:
     """Trace the frames again where the effects bend beams too far from where they were traced, and fit again."""
     if is_accurate(model.fitter, model.fitted.effects):
         return model
@@ -159,7 +159,7 @@ def retrace(context: Context, model: Model) -> Model:
     return rebuild(model, on)
 
 
-def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Finding, ...], tuple[Term, ...]]:
+def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tuple[_Finding, ...], tuple[Term, ...]]:
     """Turn dependences into plug-ins, and fit their parameters together with everything else.
 
     Returns:
@@ -195,8 +195,8 @@ def convert_terms(context: Context, model: Model) -> tuple[Model, tuple[_Finding
 
 
 def _without_idle(
-    context: Context, model: Model, findings: Sequence[_Finding], phases: Sequence[Term]
-) -> tuple[Model, tuple[_Finding, ...], tuple[Term, ...]]:
+    context: Context, model: FittedModel, findings: Sequence[_Finding], phases: Sequence[Term]
+) -> tuple[FittedModel, tuple[_Finding, ...], tuple[Term, ...]]:
     """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
     fitted, fitter = model.fitted, model.fitter
     loss = fitter.loss(fitted.estimate)
@@ -220,8 +220,8 @@ def _without_idle(
 
 
 def drop_insignificant(
-    context: Context, model: Model, findings: Sequence[_Finding]
-) -> tuple[Model, tuple[_Finding, ...]]:
+    context: Context, model: FittedModel, findings: Sequence[_Finding]
+) -> tuple[FittedModel, tuple[_Finding, ...]]:
     """Drop effects of the catalogue of which every amplitude's interval includes doing nothing, and fit the rest."""
     initial = len(context.initial_effects)
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
@@ -242,7 +242,7 @@ def drop_insignificant(
     return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
 
 
-def _is_neutral(model: Model, name: str, ci95: dict[str, Any], initial: int) -> bool:
+def _is_neutral(model: FittedModel, name: str, ci95: dict[str, Any], initial: int) -> bool:
     """Whether the intervals of all amplitudes of an added effect include their neutral values."""
     index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
     kind = type(model.fitted.effects[index])
@@ -259,12 +259,12 @@ def _is_neutral(model: Model, name: str, ci95: dict[str, Any], initial: int) -> 
 
 def conclude(
     context: Context,
-    model: Model,
+    model: FittedModel,
     findings: Sequence[_Finding],
     phases: Sequence[Term],
     exchanged: Sequence[Exchange],
-    first: Evidence,
-    last: Evidence,
+    first: SelectionEvidence,
+    last: SelectionEvidence,
 ) -> Diagnosis:
     """Errors and their budget on held-out frames, intervals, and everything that remains."""
     context.on_progress("measuring errors on held-out frames")
@@ -355,7 +355,9 @@ def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:
     return (Unexplained("wiring", ("ring",), float(np.mean([one.other for one in exchanged])), "", 0.0),)
 
 
-def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: Evidence) -> tuple[Unexplained, ...]:
+def _unexplained(
+    context: Context, model: FittedModel, phases: Sequence[Term], last: SelectionEvidence
+) -> tuple[Unexplained, ...]:
     """Terms that no formula describes, and everything significant that is left beyond the accuracy of the fit."""
     of_phases = tuple(
         Unexplained(term.group.channel, term.group.covariates, float("nan"), "", term.p_value) for term in phases
@@ -363,7 +365,7 @@ def _unexplained(context: Context, model: Model, phases: Sequence[Term], last: E
     return (*of_phases, *remaining(last, model, context.settings))
 
 
-def _ranking(first: Evidence) -> tuple[Alternative, ...]:
+def _ranking(first: SelectionEvidence) -> tuple[Alternative, ...]:
     """Effects about the initial model: twice the gain foreseen less its penalty (ΔBIC), and p."""
     each = float(np.log(len(first.linearisation.sample)))
     best: dict[str, Alternative] = {}
@@ -376,7 +378,7 @@ def _ranking(first: Evidence) -> tuple[Alternative, ...]:
     return tuple(sorted(best.values(), key=lambda row: -row.delta_bic))
 
 
-def _smallest(last: Evidence, settings: Settings) -> dict[str, dict[str, float]]:
+def _smallest(last: SelectionEvidence, settings: Settings) -> dict[str, dict[str, float]]:
     """Amplitude of each effect that would have been detected with 80 % power at the family-wise level."""
     needed = float(stats.norm.isf(settings.level / 2 / max(last.dictionary.tested, 1))) + settings.dictionary.power
     amplitudes_by_effect: dict[str, dict[str, float]] = {}

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.dictionary.covariates import Covariate
-from cosim.discrepancy.selection.search import Evidence
+from cosim.discrepancy.dictionary.covariates import SampleCovariate
+from cosim.discrepancy.selection.search import SelectionEvidence
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.unknown.curve import Axis
 
@@ -83,7 +83,7 @@ class EvidenceCell:
         }
 
 
-def evidence_matrix(before: Evidence, after: Evidence) -> tuple[EvidenceCell, ...]:
+def evidence_matrix(before: SelectionEvidence, after: SelectionEvidence) -> tuple[EvidenceCell, ...]:
     """Cells of all dependences that either first pass kept, the largest gain before first."""
     first = {result.group.name: result for result in before.results if not result.group.is_effect}
     last = {result.group.name: result for result in after.results if not result.group.is_effect}
@@ -129,5 +129,5 @@ def _coefficients(result: GroupTest | None) -> EvidenceCurve | EvidenceGrid | No
     return EvidenceGrid(ends[0], ends[1], tables[0], tables[1])
 
 
-def _bin_positions(covariate: Covariate, bins: np.ndarray) -> Axis:
+def _bin_positions(covariate: SampleCovariate, bins: np.ndarray) -> Axis:
     return tuple(covariate.labels[row] for row in bins) if covariate.labels else covariate.centres[bins]

@@ -50,7 +50,7 @@ class NoiseFloor:
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbours:
+class NeighbourPairs:
     """Differences of neighbouring beams of a frame.
 
     Attributes:
@@ -62,7 +62,7 @@ class Neighbours:
     gaps: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @classmethod
-    def of(cls, frame: TracedFrame, scores: FrameScores, expected: Expectation) -> Neighbours:
+    def of(cls, frame: TracedFrame, scores: FrameScores, expected: Expectation) -> NeighbourPairs:
         """Compute the differences of a frame.
 
         Args:
@@ -85,7 +85,9 @@ class Neighbours:
         return cls(pair, gaps)
 
 
-def estimate_floor(neighbours: Neighbours, scores: FrameScores, expected: Expectation) -> dict[str, tuple[float, int]]:
+def estimate_floor(
+    neighbours: NeighbourPairs, scores: FrameScores, expected: Expectation
+) -> dict[str, tuple[float, int]]:
     """Sums and counts of a frame's scores by channel if there were only noise.
 
     Args:

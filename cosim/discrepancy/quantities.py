@@ -71,7 +71,7 @@ def covariate_words(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class Shown:
+class QuantityStyle:
     """A covariate for display: words, and the unit into which values are converted by a factor."""
 
     words: str
@@ -81,44 +81,44 @@ class Shown:
 
 _DEGREES = 180 / np.pi
 SHOWN = {
-    "constant": Shown("all beams"),
-    "range": Shown("predicted range", "m"),
-    "incidence": Shown("angle of incidence", "°"),
-    "ring": Shown("ring, 0 on top"),
-    "azimuth": Shown("azimuth, left is positive", "°", _DEGREES),
-    "intensity": Shown("predicted intensity"),
-    "firing_time": Shown("firing time from the pose time", "ms", 1000.0),
-    "material": Shown("material"),
-    "kind": Shown("class of the object"),
-    "model": Shown("model of the object"),
-    "albedo": Shown("reflectance of the surface"),
-    "elevation": Shown("elevation of the beam", "°"),
-    "block": Shown("block of lasers"),
-    "frame_time": Shown("time of the frame", "s"),
-    "time": Shown("time", "s"),
-    "scan": Shown("scan, in order of time"),
-    "speed": Shown("speed of the vehicle", "m/s"),
-    "acceleration": Shown("acceleration of the vehicle", "m/s²"),
-    "yaw_rate": Shown("yaw rate of the vehicle", "°/s", _DEGREES),
-    "world_x": Shown("x in the world", "m"),
-    "world_y": Shown("y in the world", "m"),
-    "world_azimuth": Shown("azimuth in the world", "°", _DEGREES),
-    "edge": Shown("distance to an edge, near or far"),
-    "retro_distance": Shown("distance to a reflector", "firings"),
-    "object_distance": Shown("distance to an object", "m"),
-    "object_size": Shown("size of the object", "m"),
-    "object_place": Shown("position of the object", "m"),
+    "constant": QuantityStyle("all beams"),
+    "range": QuantityStyle("predicted range", "m"),
+    "incidence": QuantityStyle("angle of incidence", "°"),
+    "ring": QuantityStyle("ring, 0 on top"),
+    "azimuth": QuantityStyle("azimuth, left is positive", "°", _DEGREES),
+    "intensity": QuantityStyle("predicted intensity"),
+    "firing_time": QuantityStyle("firing time from the pose time", "ms", 1000.0),
+    "material": QuantityStyle("material"),
+    "kind": QuantityStyle("class of the object"),
+    "model": QuantityStyle("model of the object"),
+    "albedo": QuantityStyle("reflectance of the surface"),
+    "elevation": QuantityStyle("elevation of the beam", "°"),
+    "block": QuantityStyle("block of lasers"),
+    "frame_time": QuantityStyle("time of the frame", "s"),
+    "time": QuantityStyle("time", "s"),
+    "scan": QuantityStyle("scan, in order of time"),
+    "speed": QuantityStyle("speed of the vehicle", "m/s"),
+    "acceleration": QuantityStyle("acceleration of the vehicle", "m/s²"),
+    "yaw_rate": QuantityStyle("yaw rate of the vehicle", "°/s", _DEGREES),
+    "world_x": QuantityStyle("x in the world", "m"),
+    "world_y": QuantityStyle("y in the world", "m"),
+    "world_azimuth": QuantityStyle("azimuth in the world", "°", _DEGREES),
+    "edge": QuantityStyle("distance to an edge, near or far"),
+    "retro_distance": QuantityStyle("distance to a reflector", "firings"),
+    "object_distance": QuantityStyle("distance to an object", "m"),
+    "object_size": QuantityStyle("size of the object", "m"),
+    "object_place": QuantityStyle("position of the object", "m"),
 }
 _BESIDE = {"previous": "the previous beam", "above": "the beam above", "below": "the beam below"}
 _MEASURED = {"range": ("range", "m"), "intensity": ("intensity", ""), "lost": ("return", "")}
 
 
-def shown(name: str) -> Shown:
+def shown(name: str) -> QuantityStyle:
     """How a covariate is displayed."""
     if name in SHOWN:
         return SHOWN[name]
     side, _, what = name.partition("_")
     if side in _BESIDE and what in _MEASURED:
         measured, unit = _MEASURED[what]
-        return Shown(f"{measured} of {_BESIDE[side]}", unit)
-    return Shown(name.replace("_", " "))
+        return QuantityStyle(f"{measured} of {_BESIDE[side]}", unit)
+    return QuantityStyle(name.replace("_", " "))

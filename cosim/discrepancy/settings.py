@@ -15,7 +15,7 @@ Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Beams:
+class BeamSampling:
     """Assignment of points to beams, and selection of the beams that are compared."""
 
     same_m: float = 1.0  # maximum difference between two ranges to the same surface
@@ -180,7 +180,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Dictionary:
+class DictionarySettings:
     """Bins of covariates, and neighbourhoods of objects and reflectors."""
 
     bins: int = 10  # bins of a covariate, with equal numbers of beams
@@ -252,13 +252,13 @@ class Settings:
     compare_rows: int = 12_000  # beams per sample in `compare`, which estimates the missing part,
     compare_steps: int = 2  # and the maximum number of terms there
     most_aligned: int = 12  # maximum number of frames for the attribution of the error in `compare`
-    beams: Beams = field(default_factory=Beams)
+    beams: BeamSampling = field(default_factory=BeamSampling)
     sampling: Sampling = field(default_factory=Sampling)
     likelihood: LikelihoodConstants = field(default_factory=LikelihoodConstants)
     random_effects: RandomEffectSettings = field(default_factory=RandomEffectSettings)
     descent: Descent = field(default_factory=Descent)
     search: Search = field(default_factory=Search)
-    dictionary: Dictionary = field(default_factory=Dictionary)
+    dictionary: DictionarySettings = field(default_factory=DictionarySettings)
     quantization: Quantization = field(default_factory=Quantization)
     selection: Selection = field(default_factory=Selection)
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.selection.refit import Model
-from cosim.discrepancy.selection.search import Evidence, is_explained, needed_gain
+from cosim.discrepancy.selection.refit import FittedModel
+from cosim.discrepancy.selection.search import SelectionEvidence, is_explained, needed_gain
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.curve import CHANNEL_UNITS
@@ -40,7 +40,7 @@ class Unexplained:
         return asdict(self) | {"covariates": list(self.covariates)}
 
 
-def remaining(evidence: Evidence, model: Model, settings: Settings) -> tuple[Unexplained, ...]:
+def remaining(evidence: SelectionEvidence, model: FittedModel, settings: Settings) -> tuple[Unexplained, ...]:
     """Everything that is still significant, and more than what the fit of the findings is exact to; by gain.
 
     Args:
@@ -61,7 +61,7 @@ def remaining(evidence: Evidence, model: Model, settings: Settings) -> tuple[Une
     return tuple(found[: settings.selection.listed])
 
 
-def _size(result: GroupTest, evidence: Evidence) -> float:
+def _size(result: GroupTest, evidence: SelectionEvidence) -> float:
     """Root mean square change: with information I of every beam a change of d everywhere gains ½ Σ I d²."""
     group = result.group
     if group.is_shared:

@@ -14,8 +14,8 @@ import numpy as np
 from cosim.capture.config import RunConfig, load_config
 from cosim.driver_discrepancy.behaviours import Background, with_common_luck
 from cosim.driver_discrepancy.channels import changes_of_lane
-from cosim.driver_discrepancy.conditions import Frame, choose_frame
-from cosim.driver_discrepancy.demand import Demand, own_speed_factor, read_demand, route_files
+from cosim.driver_discrepancy.conditions import ConditionFrame, choose_frame
+from cosim.driver_discrepancy.demand import MeasuredDemand, own_speed_factor, read_demand, route_files
 from cosim.driver_discrepancy.matching import match_lanes
 from cosim.driver_discrepancy.network import Network, read_network
 from cosim.driver_discrepancy.observation import estimate_observation
@@ -50,8 +50,8 @@ class Case:
     behaviour: BehaviourConfig
     simulations: Simulations
     background: Background
-    demand: Demand
-    frame: Frame
+    demand: MeasuredDemand
+    frame: ConditionFrame
     fitted: frozenset[str]
     held_out: frozenset[str]
     notes: tuple[str, ...]
@@ -175,7 +175,7 @@ def _background(placed: Placed, step_s: float) -> Background:
     return replace(usual, **means, speed_factor=float(factors[:, 0].mean()), speed_dev=float(factors[:, 1].mean()))
 
 
-def _notes(placed: Placed, demand: Demand) -> list[str]:
+def _notes(placed: Placed, demand: MeasuredDemand) -> list[str]:
     found = []
     known: Network = placed.network
     unknown = sorted({name for name in placed.tracks.types if name not in known.types})

@@ -12,15 +12,15 @@ import numpy as np
 from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import open_case
 from cosim.driver_discrepancy.channels import CHANNELS
-from cosim.driver_discrepancy.evidence import Evidence, Significance, find_significance, gather_evidence
+from cosim.driver_discrepancy.evidence import ChannelEvidence, Significance, find_significance, gather_evidence
 from cosim.driver_discrepancy.scores import Scores, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
-from cosim.driver_discrepancy.summary import Column, Summary
+from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class StatisticRow:
     """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence)."""
 
     name: str
@@ -68,9 +68,9 @@ class TrafficComparison:
     error: float
     noise_floor: float
     floors: Mapping[str, float]
-    statistics: tuple[Row, ...]
-    parts: tuple[Row, ...]
-    evidence: Evidence
+    statistics: tuple[StatisticRow, ...]
+    parts: tuple[StatisticRow, ...]
+    evidence: ChannelEvidence
     notes: tuple[str, ...]
 
     @property
@@ -79,7 +79,7 @@ class TrafficComparison:
         return self.scores.by_group()
 
     @property
-    def worst(self) -> Row | None:
+    def worst(self) -> StatisticRow | None:
         """The whole channel that differs most, if chance does not explain it."""
         significant = [row for row in self.statistics if row.p_value <= DEFAULT.level]
         return max(significant, key=lambda row: abs(row.measured - row.model) / row.sigma) if significant else None
@@ -168,18 +168,20 @@ def compare_summaries(
     )
 
 
-def _rows(measured: Summary, runs: Sequence[Summary], evidence: Evidence, significance: Significance) -> list[Row]:
+def _rows(
+    measured: Summary, runs: Sequence[Summary], evidence: ChannelEvidence, significance: Significance
+) -> list[StatisticRow]:
     own = measured.ratios()
     model = np.array([run.ratios() for run in runs])
     known = np.isfinite(model)
     mean = np.where(known, model, 0).sum(0) / np.maximum(known.sum(0), 1)
     mean = np.where(known.any(0), mean, np.nan)
-    at: dict[Column, int] = {column: number for number, column in enumerate(evidence.columns)}
+    at: dict[SummaryColumn, int] = {column: number for number, column in enumerate(evidence.columns)}
     rows = []
     for number, column in enumerate(measured.columns):
         place = at.get(column)
         sigma = CHANNELS[column.channel].scale if place is None else float(evidence.sigma[place])
         p_value = float("nan") if place is None else float(significance.p_values[place])
         values = float(own[number]), float(mean[number])
-        rows.append(Row(column.channel, column.condition, column.level, *values, sigma, p_value))
+        rows.append(StatisticRow(column.channel, column.condition, column.level, *values, sigma, p_value))
     return rows

@@ -35,7 +35,7 @@ CONDITIONS_OF: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Frame:
+class ConditionFrame:
     """What measurement and simulations have in common: levels of the conditions, centres, and phases of signals.
 
     Attributes:
@@ -58,7 +58,7 @@ class Frame:
     diagram: str
 
 
-def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float], ...]) -> Frame:
+def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float], ...]) -> ConditionFrame:
     """Choose the levels of all conditions from the measured trajectories."""
     edges = edge_codes(placed)
     names = tuple(dict.fromkeys(edges[1]))
@@ -70,7 +70,7 @@ def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float
     classes = tuple(kind for kind, count in counts.items() if count >= _FEWEST_OF_CLASS)
     density = densities(placed)
     known = density[np.isfinite(density)]
-    return Frame(
+    return ConditionFrame(
         streets=tuple(order),
         classes=classes if len(classes) > 1 else (),
         dense=float(np.median(known)) if len(known) else np.inf,
@@ -82,7 +82,9 @@ def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float
     )
 
 
-def condition_codes(placed: Placed, frame: Frame, red: np.ndarray) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+def condition_codes(
+    placed: Placed, frame: ConditionFrame, red: np.ndarray
+) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
     """Levels of each condition and the level of each sample (n,), −1 for none.
 
     Args:

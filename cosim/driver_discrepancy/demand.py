@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from cosim.driver_discrepancy.network import Network, Program
+from cosim.driver_discrepancy.network import Network, SignalProgram
 from cosim.driver_discrepancy.placed import Placed, kind_of
 from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.signals import Phases
@@ -76,7 +76,7 @@ class Trip:
 
 
 @dataclass(frozen=True, eq=False)
-class Demand:
+class MeasuredDemand:
     """Everything that a simulation of the measured demand needs.
 
     Attributes:
@@ -100,7 +100,7 @@ class Demand:
     sample_s: float
     options: Mapping[str, str]
     lateral_m: float
-    programs: Mapping[str, Program]
+    programs: Mapping[str, SignalProgram]
     vehicles: tuple[int, int]
 
     @property
@@ -109,7 +109,7 @@ class Demand:
         return frozenset((trip.name, edge) for trip in self.trips for edge in trip.turns)
 
 
-def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, folder: Path) -> Demand:
+def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, folder: Path) -> MeasuredDemand:
     """The demand of some trajectories.
 
     Routes are those measured, U-turns at junctions included; the channel `u_turns` counts those of simulations only
@@ -166,7 +166,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
         raise TrackError(_refusal(placed))
     drivers.sort(key=lambda trip: (trip.depart_s, trip.name))
     scenario = {} if town.scenario is None else town.scenario.options
-    return Demand(
+    return MeasuredDemand(
         net=town.net.resolve(),
         additional=tuple(path.resolve() for path in town.runnable_additional(folder)) if town.additional else (),
         trips=(*parkers, *drivers),
@@ -181,7 +181,9 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
     )
 
 
-def write_demand(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float, folder: Path) -> list[str]:
+def write_demand(
+    demand: MeasuredDemand, behaviour: BehaviourConfig, seed: int, step_s: float, folder: Path
+) -> list[str]:
     """Write the demand with the drivers of a behaviour; returns SUMO's options that name the files.
 
     Every vehicle has a vType of its own: that of its recording with the parameters that the behaviour sets. Equal
@@ -381,16 +383,16 @@ def _parker(placed: Placed, name: str, base: tuple[str, tuple[tuple[str, str], .
     )
 
 
-def _moved_programs(network: Network, phases: Phases, clock_s: float) -> dict[str, Program]:
+def _moved_programs(network: Network, phases: Phases, clock_s: float) -> dict[str, SignalProgram]:
     found = {}
     for name, program in phases.programs.items():
         offset = (program.offset_s + clock_s) % program.cycle_s
         if abs(offset - network.programs[name].offset_s % program.cycle_s) > 0.5:
-            found[name] = Program(offset, program.durations_s, program.states)
+            found[name] = SignalProgram(offset, program.durations_s, program.states)
     return found
 
 
-def _logics(programs: Mapping[str, Program]) -> list[str]:
+def _logics(programs: Mapping[str, SignalProgram]) -> list[str]:
     lines = []
     for name, program in programs.items():
         head = f'type="static" programID="recording" offset="{program.offset_s:.1f}"'

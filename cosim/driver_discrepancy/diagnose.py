@@ -13,11 +13,11 @@ import numpy as np
 from cosim.capture.config import RunConfig, load_config
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour, Signal
 from cosim.driver_discrepancy.case import Case, open_case
-from cosim.driver_discrepancy.comparison import Row, TrafficComparison, compare_summaries
+from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
 from cosim.driver_discrepancy.evidence import (
-    Evidence,
+    ChannelEvidence,
     Significance,
     departures,
     find_directions,
@@ -26,7 +26,7 @@ from cosim.driver_discrepancy.evidence import (
 )
 from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
-from cosim.driver_discrepancy.summary import Column, Summary
+from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
 from cosim.traffic.behaviour import BehaviourConfig
 
@@ -51,8 +51,8 @@ class _Look:
     runs: list[Summary]
     significance: Significance
     behaviours: Mapping[str, float]
-    all: Evidence
-    fitted: Evidence
+    all: ChannelEvidence
+    fitted: ChannelEvidence
     scores: Scores
 
     @property
@@ -164,7 +164,7 @@ class _Diagnosis:
         return estimator.slopes_together(self._case.behaviour, self._case.measured.columns)
 
     @cached_property
-    def _index(self) -> dict[Column, int]:
+    def _index(self) -> dict[SummaryColumn, int]:
         return {column: number for number, column in enumerate(self._case.measured.columns)}
 
     def _improve(self, look: _Look) -> _Look | None:
@@ -345,7 +345,7 @@ class _Diagnosis:
         return compare_summaries(self._case.measured, look.runs, self._case.notes, _FAMILIES)
 
 
-def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[Row, ...]:
+def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[StatisticRow, ...]:
     """Columns that differ significantly, one of each channel, the clearest first.
 
     A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
@@ -353,7 +353,7 @@ def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[Row, 
     evidence = comparison.evidence
     at = {(column.channel, column.condition, column.level): row for row, column in enumerate(evidence.columns)}
     rows = [row for row in (*comparison.statistics, *comparison.parts) if row.p_value <= level]
-    best: dict[str, tuple[float, Row]] = {}
+    best: dict[str, tuple[float, StatisticRow]] = {}
     for row in rows:
         whole = next((other for other in rows if other.name == row.name and not other.condition), None)
         if row.condition and whole is not None:
@@ -374,7 +374,7 @@ def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
     return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
 
 
-def _signals(evidence: Evidence) -> list[Signal]:
+def _signals(evidence: ChannelEvidence) -> list[Signal]:
     ratio = evidence.measured / np.where(np.abs(evidence.model) > 1e-9, evidence.model, 1e-9)
     return [
         Signal(column.channel, column.condition, column.level, z, share)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from cosim.capture.config import RunConfig
-from cosim.driver_discrepancy.comparison import Row, TrafficComparison
+from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class TrafficDiagnosis:
     error_after: float
     noise_floor: float
     config: RunConfig
-    unexplained: tuple[Row, ...]
+    unexplained: tuple[StatisticRow, ...]
     simulations: int
     config_out: str | None = None
 
@@ -133,7 +133,7 @@ class TrafficDiagnosis:
         }
 
 
-def _unknown(row: Row) -> dict[str, Any]:
+def _unknown(row: StatisticRow) -> dict[str, Any]:
     unit = f" {row.unit}" if row.unit else ""
     return {
         "channel": row.name,

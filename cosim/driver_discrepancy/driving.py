@@ -32,7 +32,7 @@ def needs_steps(behaviour: BehaviourConfig) -> bool:
 
 
 @dataclass(eq=False)
-class _Driver:
+class _SimulatedDriver:
     habits: Habits
     rng: np.random.Generator
     edge: str = ""
@@ -40,7 +40,7 @@ class _Driver:
 
 
 @dataclass(frozen=True)
-class _Turn:
+class _SimulatedTurn:
     lane: Lane
     back: Lane
     until_s: float
@@ -86,8 +86,8 @@ class Driving:
         self._sumo, self._config, self._seed = sumo, config, seed
         self._step_s, self._sets_parameters, self._prolong = step_s, sets_parameters, prolong
         self._roads = Roads(sumo)
-        self._drivers: dict[str, _Driver] = {}
-        self._turns: dict[str, _Turn] = {}
+        self._drivers: dict[str, _SimulatedDriver] = {}
+        self._turns: dict[str, _SimulatedTurn] = {}
         self._ways = np.random.default_rng([seed, 1])
         begin = float(sumo.simulation.getTime())
         self._u_turns = _schedule(config.u_turns_per_min, begin, seconds, np.random.default_rng([seed, 2]))
@@ -153,18 +153,18 @@ class Driving:
                 driver.wish = None
                 self._sumo.vehicle.changeLane(name, index, _BY.lane_held_s)
 
-    def _begin(self, name: str) -> _Driver:
+    def _begin(self, name: str) -> _SimulatedDriver:
         habits, api = draw_habits(self._config, self._seed, name), self._sumo.vehicle
         if self._sets_parameters and api.getVehicleClass(name) not in _ON_FOOT:
             set_parameters(api, name, habits, self._step_s)
             if self._config.speeding_share is None and habits.speed_ratio != 1.0:
                 api.setSpeedFactor(name, api.getSpeedFactor(name) * habits.speed_ratio)
-        return _Driver(habits, self._luck_of(name))
+        return _SimulatedDriver(habits, self._luck_of(name))
 
     def _luck_of(self, name: str) -> np.random.Generator:
         return np.random.default_rng([self._seed, 4, zlib.crc32(name.encode())])
 
-    def _wish(self, driver: _Driver, here: Lane) -> tuple[str, float, int] | None:
+    def _wish(self, driver: _SimulatedDriver, here: Lane) -> tuple[str, float, int] | None:
         left, right, at, which = driver.rng.random(4).tolist()
         beside = {lane.index for lane in self._roads.of_edge[here.edge]}
         chances = ((1, driver.habits.changes_left, left), (-1, driver.habits.changes_right, right))
@@ -212,7 +212,7 @@ class Driving:
             back = self._roads.of_edge[self._roads.back[here.edge]][-1]
             name, seconds = actors.ids[row], max(float(actors.speed_mps[row]) / _BY.turn_brakes_mps2, 1.0)
             self._sumo.vehicle.slowDown(name, 0.0, seconds)
-            self._turns[name] = _Turn(here, back, actors.time_s + _BY.turn_waits_s)
+            self._turns[name] = _SimulatedTurn(here, back, actors.time_s + _BY.turn_waits_s)
 
     def _turn(self, actors: _Snapshot, name: str) -> None:
         turn, api = self._turns[name], self._sumo.vehicle
@@ -227,7 +227,7 @@ class Driving:
         elif actors.speed_mps[row] <= DEFAULT.placing.rests_mps:
             self._move_over(actors, name, row, turn)
 
-    def _move_over(self, actors: _Snapshot, name: str, row: int, turn: _Turn) -> None:
+    def _move_over(self, actors: _Snapshot, name: str, row: int, turn: _SimulatedTurn) -> None:
         """Move a stopped vehicle to the other side if there is room; it continues from there."""
         api = self._sumo.vehicle
         api.setSpeed(name, 0.0)

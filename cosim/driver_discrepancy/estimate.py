@@ -9,10 +9,10 @@ import numpy as np
 from scipy import stats
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, TOGETHER, Background, Behaviour, Knob
-from cosim.driver_discrepancy.evidence import Evidence, cross_fitted_gain
+from cosim.driver_discrepancy.evidence import ChannelEvidence, cross_fitted_gain
 from cosim.driver_discrepancy.pool import Simulations
 from cosim.driver_discrepancy.settings import TrafficSettings
-from cosim.driver_discrepancy.summary import Column
+from cosim.driver_discrepancy.summary import SummaryColumn
 from cosim.traffic.behaviour import BehaviourConfig
 
 Values = dict[str, dict[str, float]]
@@ -56,7 +56,7 @@ class Estimator:
         ids: frozenset[str],
         background: Background,
         seeds: Sequence[int],
-        columns: Sequence[Column],
+        columns: Sequence[SummaryColumn],
         by: TrafficSettings,
     ) -> None:
         self._simulations = simulations
@@ -91,7 +91,7 @@ class Estimator:
             at += len(behaviour.knobs)
         return sloped
 
-    def slopes_together(self, config: BehaviourConfig, channels: Sequence[Column]) -> dict[str, np.ndarray]:
+    def slopes_together(self, config: BehaviourConfig, channels: Sequence[SummaryColumn]) -> dict[str, np.ndarray]:
         """Change of the columns that show each behaviour with its parameters; several are changed at a time."""
         jobs, steps = [config], {}
         for group in TOGETHER:
@@ -116,7 +116,7 @@ class Estimator:
 
     def gain(
         self,
-        evidence: Evidence,
+        evidence: ChannelEvidence,
         behaviour: Behaviour,
         slopes: np.ndarray,
         config: BehaviourConfig,
@@ -141,7 +141,7 @@ class Estimator:
         self,
         config: BehaviourConfig,
         behaviours: Sequence[Behaviour],
-        evidence: Evidence,
+        evidence: ChannelEvidence,
         slopes: Mapping[str, np.ndarray],
         scored: np.ndarray | None = None,
     ) -> Fit:
@@ -191,7 +191,7 @@ class Estimator:
             covariance=self._covariance(jacobian, plain),
         )
 
-    def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+    def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> Fit:
         """One more step with what more seeds say, if it is a small one."""
         knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
         at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
@@ -204,12 +204,12 @@ class Estimator:
         config = _written(fit.config, behaviours, values)
         return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
 
-    def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> Fit:
+    def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> Fit:
         """The same with the covariance that its slopes give, over the columns that show the behaviours."""
         knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
         return replace(fit, covariance=self._covariance(self._own_jacobian(fit, behaviours, evidence), knobs))
 
-    def _own_jacobian(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: Evidence) -> np.ndarray:
+    def _own_jacobian(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> np.ndarray:
         own = np.array([any(one.shows(c.channel, c.condition) for one in behaviours) for c in evidence.columns])
         return fit.slopes[self._rows(evidence)] / evidence.sigma[:, None] * own[:, None]
 
@@ -220,13 +220,13 @@ class Estimator:
         return np.array([values[knob.name] for one, values in zip(behaviours, read, strict=True) for knob in one.knobs])
 
     def _rest(
-        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: Evidence
+        self, config: BehaviourConfig, behaviours: Sequence[Behaviour], at: np.ndarray, evidence: ChannelEvidence
     ) -> np.ndarray:
         written = _written(config, behaviours, _by_name(behaviours, at))
         found = self._many([written])[0][self._rows(evidence)]
         return np.nan_to_num((evidence.measured - found) / evidence.sigma)
 
-    def _rows(self, evidence: Evidence) -> np.ndarray:
+    def _rows(self, evidence: ChannelEvidence) -> np.ndarray:
         """Indices of the evidence's columns."""
         at = {column: number for number, column in enumerate(self._columns)}
         return np.array([at[column] for column in evidence.columns], int)

@@ -14,11 +14,11 @@ from scipy import stats
 
 from cosim.driver_discrepancy.channels import CHANNELS
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
-from cosim.driver_discrepancy.summary import Column, Summary
+from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class ChannelEvidence:
     """Measured against modelled, for the k columns that both show.
 
     Attributes:
@@ -29,7 +29,7 @@ class Evidence:
         clusters: (v, k) standardised difference of each vehicle; columns sum to about `z`.
     """
 
-    columns: tuple[Column, ...]
+    columns: tuple[SummaryColumn, ...]
     measured: np.ndarray
     model: np.ndarray
     sigma: np.ndarray
@@ -67,7 +67,7 @@ class Significance:
         return float(self.p_values.min()) if len(self.p_values) else 1.0
 
 
-def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSettings = DEFAULT) -> Evidence:
+def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSettings = DEFAULT) -> ChannelEvidence:
     """Compare a measurement with the model's seeds, column by column.
 
     The variance of a difference is pooled from that between seeds and that between the paired differences of vehicles;
@@ -96,7 +96,7 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     expected = np.maximum((own_sums.sum(0)[at] + sums.sum(1)[:, at].mean(0)) / 2, 1.0)
     poisson = np.where(events, expected / total[at] ** 2, 0.0)
     sigma = np.sqrt(np.maximum(pooled * (1 + 1 / count), poisson) + floor**2 + 1e-18)
-    return Evidence(
+    return ChannelEvidence(
         columns=tuple(columns[number] for number in at.tolist()),
         measured=value,
         model=mean,
@@ -107,7 +107,7 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
 
 
 def find_significance(
-    evidence: Evidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT, families: int = 2
+    evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettings = DEFAULT, families: int = 2
 ) -> Significance:
     """Family-wise p-values of all columns by flipping the signs of clusters.
 
@@ -136,7 +136,7 @@ def find_significance(
 
 
 def find_directions(
-    evidence: Evidence,
+    evidence: ChannelEvidence,
     directions: Mapping[str, np.ndarray],
     rng: np.random.Generator,
     by: TrafficSettings = DEFAULT,
@@ -181,7 +181,7 @@ def find_directions(
     return found
 
 
-def _null(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings) -> np.ndarray:
+def _null(evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettings) -> np.ndarray:
     """Standardised differences (draws, k) by chance.
 
     Signs of whole vehicles are flipped, which keeps the correlations of columns; a share of independent draws and
@@ -195,7 +195,7 @@ def _null(evidence: Evidence, rng: np.random.Generator, by: TrafficSettings) -> 
     return drawn / np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
 
 
-def departures(evidence: Evidence, whole: int, parts: np.ndarray) -> np.ndarray:
+def departures(evidence: ChannelEvidence, whole: int, parts: np.ndarray) -> np.ndarray:
     """Two-sided p-values (m,) that channels under conditions differ as the whole channel does, Bonferroni-corrected.
 
     A difference that is the same everywhere is clearer in one part or another by chance.
@@ -214,7 +214,12 @@ def departures(evidence: Evidence, whole: int, parts: np.ndarray) -> np.ndarray:
 
 
 def cross_fitted_gain(
-    evidence: Evidence, columns: np.ndarray, slopes: np.ndarray, limits: np.ndarray, shift: np.ndarray, folds: int = 5
+    evidence: ChannelEvidence,
+    columns: np.ndarray,
+    slopes: np.ndarray,
+    limits: np.ndarray,
+    shift: np.ndarray,
+    folds: int = 5,
 ) -> tuple[float, float]:
     """Gain of a direction, fitted on some vehicles and scored on the others, and its standard error over folds.
 
@@ -249,7 +254,7 @@ def cross_fitted_gain(
 
 
 def _shown(
-    columns: Sequence[Column],
+    columns: Sequence[SummaryColumn],
     own_sums: np.ndarray,
     own_weights: np.ndarray,
     sums: np.ndarray,

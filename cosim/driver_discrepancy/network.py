@@ -65,7 +65,7 @@ class NetType:
 
 
 @dataclass(frozen=True)
-class Link:
+class LaneLink:
     """A way from a lane to the next.
 
     Attributes:
@@ -84,7 +84,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Program:
+class SignalProgram:
     """A fixed-time signal program: offset [s], durations of its phases (k,) [s] and their states."""
 
     offset_s: float
@@ -119,9 +119,9 @@ class Network:
     back: dict[str, str]
     lots: dict[str, tuple[str, float, float]]
     types: dict[str, NetType]
-    links: dict[str, tuple[Link, ...]] = field(default_factory=dict)
+    links: dict[str, tuple[LaneLink, ...]] = field(default_factory=dict)
     yields_to: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    programs: dict[str, Program] = field(default_factory=dict)
+    programs: dict[str, SignalProgram] = field(default_factory=dict)
 
     def lanes_of(self, edge: str) -> list[NetLane]:
         """Lanes of cars of an edge, from the right."""
@@ -191,8 +191,8 @@ def read_network(net: Path, additional: tuple[Path, ...], routes: tuple[Path, ..
     return Network(lanes, frozenset(others), ways, back, lots, types, *junctions)
 
 
-def _links(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[Link, ...]]:
-    found: dict[str, list[Link]] = {}
+def _links(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[LaneLink, ...]]:
+    found: dict[str, list[LaneLink]] = {}
     for link in root.iter("connection"):
         source = f"{link.get('from', '')}_{link.get('fromLane')}"
         target = f"{link.get('to', '')}_{link.get('toLane')}"
@@ -200,7 +200,7 @@ def _links(root: Element, lanes: Mapping[str, NetLane]) -> dict[str, tuple[Link,
             state = link.get("state", "M")
             index = int(link.get("linkIndex", -1)) if link.get("tl") else -1
             via, signal, turn = link.get("via", ""), link.get("tl", ""), link.get("dir", "s")
-            found.setdefault(source, []).append(Link(target, via, signal, index, turn, state.isupper()))
+            found.setdefault(source, []).append(LaneLink(target, via, signal, index, turn, state.isupper()))
     return {lane: tuple(links) for lane, links in found.items()}
 
 
@@ -215,7 +215,7 @@ def _yields(root: Element) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _programs(root: Element) -> dict[str, Program]:
+def _programs(root: Element) -> dict[str, SignalProgram]:
     found = {}
     for logic in root.iter("tlLogic"):
         phases = logic.findall("phase")
@@ -223,7 +223,7 @@ def _programs(root: Element) -> dict[str, Program]:
             durations = tuple(float(phase.get("duration", 0)) for phase in phases)
             offset = logic.get("offset", "0")
             states = tuple(phase.get("state", "") for phase in phases)
-            found[logic.get("id", "")] = Program(float(offset) if offset != "begin" else 0.0, durations, states)
+            found[logic.get("id", "")] = SignalProgram(float(offset) if offset != "begin" else 0.0, durations, states)
     return found
 
 

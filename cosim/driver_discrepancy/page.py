@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.channels import CHANNELS
-from cosim.driver_discrepancy.comparison import Row, TrafficComparison
+from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.diagrams import draw_diagrams
 from cosim.driver_discrepancy.sentences import (
@@ -312,7 +312,7 @@ def _density(counts: np.ndarray, coarse: int) -> np.ndarray:
     return inside / max(inside.sum(), 1)
 
 
-def _statistics(before: Sequence[Row], after: Sequence[Row] | None) -> str:
+def _statistics(before: Sequence[StatisticRow], after: Sequence[StatisticRow] | None) -> str:
     shows: dict[str, list[str]] = {}
     for behaviour in BEHAVIOURS.values():
         for name in behaviour.statistics:
@@ -364,16 +364,16 @@ def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
     )
 
 
-def _marked(row: Row) -> str:
+def _marked(row: StatisticRow) -> str:
     text = _value(row, row.model)
     return fill('<span class="bad">{}</span>', text) if row.p_value <= 0.05 else text
 
 
-def _words(row: Row) -> str:
+def _words(row: StatisticRow) -> str:
     return CHANNELS[row.name].words
 
 
-def _value(row: Row, value: float) -> str:
+def _value(row: StatisticRow, value: float) -> str:
     if not np.isfinite(value):
         return "–"
     value = round(value, 4) + 0.0

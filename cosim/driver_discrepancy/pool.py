@@ -9,8 +9,8 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Self
 
-from cosim.driver_discrepancy.conditions import Frame
-from cosim.driver_discrepancy.demand import Demand
+from cosim.driver_discrepancy.conditions import ConditionFrame
+from cosim.driver_discrepancy.demand import MeasuredDemand
 from cosim.driver_discrepancy.network import Network
 from cosim.driver_discrepancy.observation import Observation
 from cosim.driver_discrepancy.placed import place
@@ -39,9 +39,9 @@ class Simulations:
 
     def __init__(
         self,
-        demand: Demand,
+        demand: MeasuredDemand,
         network: Network,
-        frame: Frame,
+        frame: ConditionFrame,
         observation: Observation,
         step_s: float,
         workers: int | None = None,
@@ -95,10 +95,12 @@ class Simulations:
 class _Worker:
     """What a process was given when it began."""
 
-    given: tuple[Demand, Network, Frame, Observation, float]
+    given: tuple[MeasuredDemand, Network, ConditionFrame, Observation, float]
 
 
-def _begin(demand: Demand, network: Network, frame: Frame, observation: Observation, step_s: float) -> None:
+def _begin(
+    demand: MeasuredDemand, network: Network, frame: ConditionFrame, observation: Observation, step_s: float
+) -> None:
     _Worker.given = (demand, network, frame, observation, step_s)
 
 

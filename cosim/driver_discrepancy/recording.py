@@ -11,7 +11,7 @@ from cosim.traffic.actors import Actors
 _BY = DEFAULT.simulating
 
 
-class Recorder:
+class TrackRecorder:
     """Gathers samples of vehicles; of those who are parked only now and then.
 
     Args:

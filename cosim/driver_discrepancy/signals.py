@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.driver_discrepancy.network import Network, Program
+from cosim.driver_discrepancy.network import Network, SignalProgram
 from cosim.driver_discrepancy.placed import Placed
 
 _FEWEST_ENTRIES = 6
@@ -25,7 +25,7 @@ class Phases:
         notes: how they were found.
     """
 
-    programs: Mapping[str, Program]
+    programs: Mapping[str, SignalProgram]
     notes: tuple[str, ...]
 
     def red(self, placed: Placed, shift_s: float = 0.0) -> np.ndarray:
@@ -58,7 +58,7 @@ class Phases:
         )
 
 
-def is_red(program: Program, index: int, time_s: np.ndarray) -> np.ndarray:
+def is_red(program: SignalProgram, index: int, time_s: np.ndarray) -> np.ndarray:
     """Whether a link of a program shows red at some times."""
     ends = np.cumsum(program.durations_s)
     phase = np.searchsorted(ends, np.mod(time_s - program.offset_s, ends[-1]), side="right")
@@ -103,11 +103,11 @@ def estimate_phases(placed: Placed) -> Phases:
     return Phases(chosen, tuple(notes))
 
 
-def _shifted(program: Program, shift_s: float) -> Program:
+def _shifted(program: SignalProgram, shift_s: float) -> SignalProgram:
     return replace(program, offset_s=program.offset_s + shift_s)
 
 
-def _scores(program: Program, entries: np.ndarray, shifts_s: np.ndarray) -> np.ndarray:
+def _scores(program: SignalProgram, entries: np.ndarray, shifts_s: np.ndarray) -> np.ndarray:
     """Share of entries not at red with the program shifted, less a penalty for queues that start long after green.
 
     Args:
@@ -125,7 +125,7 @@ def _scores(program: Program, entries: np.ndarray, shifts_s: np.ndarray) -> np.n
     return score / len(entries)
 
 
-def _since_green(program: Program, index: int, times: np.ndarray) -> np.ndarray:
+def _since_green(program: SignalProgram, index: int, times: np.ndarray) -> np.ndarray:
     """Whole seconds since a link's light became green, at most 20, in the shape of the times."""
     since = np.zeros(times.shape)
     still = np.ones(times.shape, bool)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim.driver_discrepancy.demand import Demand, write_demand
+from cosim.driver_discrepancy.demand import MeasuredDemand, write_demand
 from cosim.driver_discrepancy.driving import Driving, needs_steps
 from cosim.driver_discrepancy.fcd import ATTRIBUTES, read_fcd
-from cosim.driver_discrepancy.recording import Recorder
+from cosim.driver_discrepancy.recording import TrackRecorder
 from cosim.driver_discrepancy.tracks import Tracks, take_rows
 from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.behaviour.habits import draw_habits
@@ -22,7 +22,7 @@ from cosim.traffic.starting import TrafficError, start_sumo_with
 _PARKED_FROM_S = 0.8
 
 
-def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> Tracks:
+def simulate(demand: MeasuredDemand, behaviour: BehaviourConfig, seed: int, step_s: float) -> Tracks:
     """Let the model drive a measured demand.
 
     Vehicles do what SUMO makes of their vTypes; lanes keep their limits in bends unless the behaviour has
@@ -64,7 +64,7 @@ def simulate(demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: floa
     return replace(tracks, types=tuple(types[name] for name in tracks.ids))
 
 
-def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: int, step_s: float) -> None:
+def _run(command: list[str], demand: MeasuredDemand, behaviour: BehaviourConfig, seed: int, step_s: float) -> None:
     sumo = start_sumo_with(command)
     try:
         if behaviour.cornering_mps2 is not None:
@@ -85,7 +85,7 @@ def _run(command: list[str], demand: Demand, behaviour: BehaviourConfig, seed: i
         sumo.close()
 
 
-def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
+def _without_parking(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
     """Remove the first steps of initially parked vehicles, which SUMO inserts on the lane."""
     parked = {trip.name for trip in demand.trips if trip.stop}
     if not parked:
@@ -94,7 +94,7 @@ def _without_parking(tracks: Tracks, demand: Demand) -> Tracks:
     return take_rows(tracks, ~(begins & (tracks.time_s < demand.begin_s + _PARKED_FROM_S)))
 
 
-def _as_far_as_measured(tracks: Tracks, demand: Demand) -> Tracks:
+def _as_far_as_measured(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
     """The same without what vehicles do beyond the place where they left the measured area."""
     keep = np.ones(len(tracks), bool)
     edges = np.array([name.rpartition("_")[0] if name[:1] != ":" else "" for name in tracks.lane.tolist()], dtype=str)
@@ -132,7 +132,7 @@ def record(
     Raises:
         TrafficError: SUMO refuses the scenario.
     """
-    recorder, bends, streets = Recorder(step_s), behaviour.cornering_mps2, behaviour.street_speed
+    recorder, bends, streets = TrackRecorder(step_s), behaviour.cornering_mps2, behaviour.street_speed
     with Traffic(sumocfg, seed, step_s, as_given=True, cornering_mps2=bends, street_speed=streets) as traffic:
         driving = Driving(traffic.api, behaviour, seed, warm_up_s + seconds, step_s, prolong=traffic.prolong_route)
         warm_up = round(warm_up_s / step_s)

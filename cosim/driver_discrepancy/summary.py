@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.driver_discrepancy.channels import BASES, CHANNELS, Values, between_drivers, measure_channels
-from cosim.driver_discrepancy.conditions import CONDITIONS_OF, Frame, condition_codes, edge_codes
+from cosim.driver_discrepancy.conditions import CONDITIONS_OF, ConditionFrame, condition_codes, edge_codes
 from cosim.driver_discrepancy.placed import FOUR_WHEELS, Placed, kind_of
 
 SPEED_BINS = np.arange(0.5, 40.01, 0.5)
@@ -21,7 +21,7 @@ _SHORTEST_STREET_M = 50.0
 
 
 @dataclass(frozen=True)
-class Column:
+class SummaryColumn:
     """A channel under a condition; the condition and its level are empty for the whole channel."""
 
     channel: str
@@ -50,7 +50,7 @@ class Summary:
     """
 
     ids: tuple[str, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[SummaryColumn, ...]
     sums: np.ndarray
     weights: np.ndarray
     histograms: Mapping[str, np.ndarray]
@@ -99,7 +99,7 @@ class Summary:
 
 
 def summarise(
-    placed: Placed, frame: Frame, clock_s: float = 0.0, planned: frozenset[tuple[str, str]] = frozenset()
+    placed: Placed, frame: ConditionFrame, clock_s: float = 0.0, planned: frozenset[tuple[str, str]] = frozenset()
 ) -> Summary:
     """Summarise four-wheeled vehicles; others take part in traffic only.
 
@@ -147,7 +147,7 @@ def centres_of(placed: Placed, red: np.ndarray) -> tuple[tuple[str, float], ...]
     return tuple(found)
 
 
-def _moved(frame: Frame, clock_s: float) -> Frame:
+def _moved(frame: ConditionFrame, clock_s: float) -> ConditionFrame:
     return replace(frame, begin_s=frame.begin_s + clock_s)
 
 
@@ -156,14 +156,14 @@ def _tables(
     measured: Mapping[str, Values],
     codes: Mapping[str, tuple[tuple[str, ...], np.ndarray]],
     centres: Mapping[str, float],
-) -> tuple[tuple[Column, ...], np.ndarray, np.ndarray]:
+) -> tuple[tuple[SummaryColumn, ...], np.ndarray, np.ndarray]:
     vehicle, count = placed.tracks.vehicle, len(placed.tracks.ids)
-    columns: list[Column] = []
+    columns: list[SummaryColumn] = []
     tables: list[tuple[np.ndarray, np.ndarray]] = []
     whole = {name: _by_vehicle(values, vehicle, count) for name, values in measured.items()}
     for channel in CHANNELS:
         base = BASES.get(channel)
-        columns.append(Column(channel))
+        columns.append(SummaryColumn(channel))
         tables.append(between_drivers(channel, *whole[base], centres[base]) if base else whole[channel])
     for channel, conditions in CONDITIONS_OF.items():
         values = measured[channel]
@@ -173,7 +173,7 @@ def _tables(
                 continue
             sums, weights = _by_level(values, vehicle, count, code, len(levels))
             for at, level in enumerate(levels):
-                columns.append(Column(channel, condition, level))
+                columns.append(SummaryColumn(channel, condition, level))
                 tables.append((sums[:, at], weights[:, at]))
             if channel == "counts":  # per vehicle, wherever it was
                 for at in range(len(levels)):

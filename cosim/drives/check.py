@@ -15,7 +15,7 @@ from cosim.capture.runner import run
 from cosim.drives.files import is_safe_path, read_mapping
 from cosim.drives.twin import read_frame
 from cosim.drives.writer import MANIFEST, SUMMARY, UNFINISHED, DriveWriter, OutputError, sha256_of
-from cosim.engine import Engine, Event
+from cosim.engine import Engine, JobEvent
 from cosim.errors import CosimError
 from sensors.pattern import first_problem
 
@@ -81,7 +81,7 @@ def repair_drive(
     *,
     engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
-    on_event: Callable[[Event], None] = lambda event: None,
+    on_event: Callable[[JobEvent], None] = lambda event: None,
 ) -> None:
     """Record only the damaged frames of a simulated drive again.
 

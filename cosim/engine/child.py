@@ -11,7 +11,7 @@ import threading
 import traceback
 from multiprocessing.connection import Connection
 
-from cosim.engine.jobs import Event, Job
+from cosim.engine.jobs import Job, JobEvent
 from cosim.engine.peak import peak_bytes
 from cosim.user_errors import user_errors
 
@@ -29,19 +29,19 @@ def main(descriptor: int) -> None:
     try:
         _run_tasks(job, threads, tasks, tell)
     except user_errors() as error:
-        tell(Event("refused", str(error)))
+        tell(JobEvent("refused", str(error)))
     except Exception:  # noqa: BLE001 — every error is reported to the parent
-        tell(Event("failed", traceback.format_exc()))
+        tell(JobEvent("failed", traceback.format_exc()))
 
 
 def _run_tasks(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _EventSender) -> None:
     with job.open(threads) as do:
-        tell(Event("opened"))
+        tell(JobEvent("opened"))
         gc.freeze()  # exclude the objects of the open job from later collections
         gc.set_threshold(*_GC_THRESHOLDS)
         while (task := tasks.get()) is not None:
             do(task, tell)
-            tell(Event("task", peak_bytes=peak_bytes()))
+            tell(JobEvent("task", peak_bytes=peak_bytes()))
 
 
 def _listen(connection: Connection, tasks: queue.SimpleQueue) -> None:
@@ -63,7 +63,7 @@ class _EventSender:
         self._connection = connection
         self._lock = threading.Lock()
 
-    def __call__(self, event: Event) -> None:
+    def __call__(self, event: JobEvent) -> None:
         try:
             with self._lock:
                 self._connection.send(event)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, Literal
 
-from cosim.engine.jobs import Event, Job, Skipped, Tell, WorkError
+from cosim.engine.jobs import Job, JobEvent, Skipped, Tell, WorkError
 from cosim.engine.local import PATIENCE_S
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
@@ -52,9 +52,9 @@ class DaskEngine:
             WorkError: a worker reported an error of the user, no scheduler answers, or Dask is not installed.
         """
         name = f"cosim-{uuid.uuid4().hex}"
-        events: queue.SimpleQueue[Event] = queue.SimpleQueue()
+        events: queue.SimpleQueue[JobEvent] = queue.SimpleQueue()
         with _connect(self.address) as client:
-            client.subscribe_topic(name, lambda message: events.put(Event(*message[1])))
+            client.subscribe_topic(name, lambda message: events.put(JobEvent(*message[1])))
             client.register_plugin(_make_plugin(job, self.patience_s), name=name)
             if not client.nthreads():
                 _log.warning("no worker has joined %s yet; waiting for one", self.address)
@@ -74,7 +74,7 @@ class _Submissions:
         self._pending: dict[Future, Attempt] = {}
         self._count = 0
 
-    def run(self, tasks: Sequence[Any], events: queue.SimpleQueue[Event], retries: Retries) -> None:
+    def run(self, tasks: Sequence[Any], events: queue.SimpleQueue[JobEvent], retries: Retries) -> None:
         for task in tasks:
             self._submit(Attempt(task))
         while self._pending:
@@ -93,7 +93,7 @@ class _Submissions:
         future = self._client.submit(_run_task, attempt.task, self._name, key=key, pure=False, priority=-self._count)
         self._pending[future] = attempt
 
-    def _forward(self, events: queue.SimpleQueue[Event]) -> None:
+    def _forward(self, events: queue.SimpleQueue[JobEvent]) -> None:
         try:
             self._on_event(events.get(timeout=_POLL_S))
             while True:
@@ -110,7 +110,7 @@ class _Submissions:
             raise WorkError(outcome.text)
         if outcome.kind == "failed":
             return outcome.text
-        self._on_event(Event("task", peak_bytes=outcome.peak_bytes))
+        self._on_event(JobEvent("task", peak_bytes=outcome.peak_bytes))
         return None
 
 
@@ -191,7 +191,7 @@ def _run_task(task: Any, name: str) -> _Outcome:
     worker = get_worker()
     plugin: Any = worker.plugins[name]
 
-    def tell(event: Event) -> None:
+    def tell(event: JobEvent) -> None:
         worker.log_event(name, (event.kind, event.text, event.peak_bytes))
 
     return plugin.pool.run_task(task, tell)

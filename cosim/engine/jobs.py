@@ -15,7 +15,7 @@ class WorkError(CosimError):
 
 
 @dataclass(frozen=True)
-class Event:
+class JobEvent:
     """Event of a worker.
 
     Attributes:
@@ -35,7 +35,7 @@ class Event:
 Affinity = tuple[Any, ...]
 """State that a process keeps between tasks, the most expensive part first: a task's `affinity`, if it has one."""
 
-Tell = Callable[[Event], None]
+Tell = Callable[[JobEvent], None]
 Do = Callable[[Any, Tell], None]
 """Executes one task; reports its frames as events."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from cosim.engine.jobs import Affinity, Event, Job, Skipped, Tell, WorkError
+from cosim.engine.jobs import Affinity, Job, JobEvent, Skipped, Tell, WorkError
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
 
@@ -100,7 +100,7 @@ class _Pool:
                 failures.append((attempt, f"its process did not report for {self._patience_s:g} s"))
         return failures
 
-    def _handle(self, child: Child, event: Event | None) -> str | None:
+    def _handle(self, child: Child, event: JobEvent | None) -> str | None:
         """Handle an event; returns the reason if the task failed."""
         if event is None:
             reason = child.exit_reason()

@@ -11,7 +11,7 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from cosim.engine.jobs import Event, Job
+from cosim.engine.jobs import Job, JobEvent
 
 _EXIT_S = 10.0
 _START_S = 120.0
@@ -53,7 +53,7 @@ class Child:
         self._last_event_s = time.monotonic()
         self._send(task)
 
-    def receive(self) -> Event | None:
+    def receive(self) -> JobEvent | None:
         """Receive the next event; None if the process is dead."""
         try:
             event = self.connection.recv()

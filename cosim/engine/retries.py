@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from cosim.engine.jobs import Event, Skipped, Tell
+from cosim.engine.jobs import JobEvent, Skipped, Tell
 
 _MAX_ATTEMPTS = 2
 _log = logging.getLogger(__name__)
@@ -38,8 +38,8 @@ class Retries:
         """Next attempt for a failed task, or None if the task is skipped."""
         if failed.number < _MAX_ATTEMPTS:
             _log.warning("a task failed and is retried: %s", reason)
-            self.on_event(Event("again", reason))
+            self.on_event(JobEvent("again", reason))
             return Attempt(self.refresh_task(failed.task), failed.number + 1)
-        self.on_event(Event("skipped", reason))
+        self.on_event(JobEvent("skipped", reason))
         self.skipped.append(Skipped(failed.task, reason))
         return None

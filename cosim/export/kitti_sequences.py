@@ -14,7 +14,7 @@ from cosim.drives.kitti import Drive, Frame
 from cosim.drives.kitti.calibration import format_calibration
 from cosim.drives.twin.frame import TwinFrame
 from cosim.export.point_classes import point_classes
-from cosim.export.source import Sequence, Tracks, demand, labelled_instances, point_instances, sequences
+from cosim.export.source import ExportedTracks, Sequence, demand, labelled_instances, point_instances, sequences
 
 _TRACKING = {"image_0": "image_00", "image_1": "image_01", "image_2": "image_02", "image_3": "image_03"}
 
@@ -29,7 +29,7 @@ def export_tracking(drive: Drive, folder: Path, on_frame: Callable[[], None]) ->
     demand(drive, "twin/frames", "kitti-tracking")
     objects, root = 0, folder / "training"
     for sequence in sequences(drive):
-        tracks, lines, records = Tracks(), [], []
+        tracks, lines, records = ExportedTracks(), [], []
         for index, frame in enumerate(sequence):
             _link(frame, "velodyne", root / "velodyne" / sequence.name, index)
             for part, name in _TRACKING.items():
@@ -71,7 +71,7 @@ def export_semantic(drive: Drive, folder: Path, on_frame: Callable[[], None]) ->
     found, points = sequences(drive), 0
     for sequence in found:
         root = _odometry(sequence, folder, lambda: None)
-        tracks = Tracks()
+        tracks = ExportedTracks()
         for index, frame in enumerate(sequence):
             within = point_instances(frame)
             classes = point_classes(drive, frame, within).astype(np.uint32)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame
-from cosim.drives.twin.frame import Camera
+from cosim.drives.twin.frame import TwinCamera
 from cosim.export.source import Sequence, WorldPoses, demand, lidar_frames, needed, sequences
 
 _POINT = np.dtype(
@@ -135,7 +135,7 @@ class _Messages:
         kind = self._types["sensor_msgs/msg/CompressedImage"]
         return kind(header=self._header(part), format=source.suffix[1:], data=data)
 
-    def _camera_info(self, part: str, camera: Camera) -> Any:
+    def _camera_info(self, part: str, camera: TwinCamera) -> Any:
         region = self._types["sensor_msgs/msg/RegionOfInterest"](
             x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
         )

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.level import levelled
-from cosim.drives.twin.frame import Camera, Instance
+from cosim.drives.twin.frame import Instance, TwinCamera
 from cosim.export.source import Sequence, WorldPoses, demand, instance_boxes, lidar_frames, sequences
 
 _CATEGORIES = {
@@ -228,7 +228,7 @@ class _Tables:
         return token
 
 
-def _pinhole(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _pinhole(camera: TwinCamera) -> tuple[np.ndarray, np.ndarray]:
     """Pose (4, 4) of a camera's own centre in the ego's axes, and its matrix K (3, 3)."""
     intrinsic, pose = camera.P[:, :3], camera.pose_ego.copy()
     pose[:3, 3] += pose[:3, :3] @ -np.linalg.solve(intrinsic, camera.P[:, 3])

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.drives.kitti import Drive, Frame, points_in_boxes
 from cosim.drives.kitti.level import levelled
-from cosim.export.source import Sequence, Tracks, WorldPoses, demand, instance_boxes, lidar_frames, sequences
+from cosim.export.source import ExportedTracks, Sequence, WorldPoses, demand, instance_boxes, lidar_frames, sequences
 
 _WORLD, _EGO, _LIDAR = "world", "vehicle-iso8855", "lidar"
 
@@ -37,7 +37,7 @@ def _document(drive: Drive, sequence: Sequence, on_frame: Callable[[], None]) ->
     frames: dict[str, Any] = {}
     seen: dict[str, list[int]] = {}
     names: dict[str, tuple[str, str]] = {}
-    tracks, world = Tracks(), WorldPoses(drive)
+    tracks, world = ExportedTracks(), WorldPoses(drive)
     for index, frame in enumerate(sequence):
         objects = {}
         for row, (box, points) in enumerate(_cuboids(frame)):

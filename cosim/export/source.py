@@ -184,7 +184,7 @@ def point_instances(frame: Frame, margin_m: float = 0.1) -> np.ndarray:
     return found
 
 
-class Tracks:
+class ExportedTracks:
     """Whole numbers for ids, in order of appearance, from 0."""
 
     def __init__(self) -> None:

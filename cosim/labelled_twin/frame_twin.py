@@ -8,7 +8,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
-from cosim.drives.twin import Camera, Ego, Lidar, TwinFrame
+from cosim.drives.twin import Ego, Lidar, TwinCamera, TwinFrame
 from cosim.drives.twin.trust import MARGIN_M, Trust
 from cosim.errors import FormatError
 from cosim.labelled_twin.brightness import Brightness, estimate_paint, ground_brightness
@@ -99,7 +99,7 @@ def _in_labelled_boxes(points: np.ndarray, labels: Labels, calibration: Calibrat
     return np.asarray(points_in_boxes(points, non_empty, MARGIN_M).any(0))
 
 
-def _cameras(frame: Frame, calibration: Calibration, world_from_lidar: np.ndarray) -> dict[str, Camera]:
+def _cameras(frame: Frame, calibration: Calibration, world_from_lidar: np.ndarray) -> dict[str, TwinCamera]:
     """Cameras of the calibration; their image size is KITTI's if there is no image."""
     pose = world_from_lidar @ calibration.rect_to_velo_matrix
     left, _, right = np.linalg.svd(pose[:3, :3])
@@ -108,7 +108,7 @@ def _cameras(frame: Frame, calibration: Calibration, world_from_lidar: np.ndarra
     for number in calibration.cameras:
         name = f"image_{number}"
         height, width = frame.image(name).shape[:2] if frame.has(name) else (HEIGHT_PX, WIDTH_PX)
-        cameras[name] = Camera(pose, calibration.projection(number), width, height)
+        cameras[name] = TwinCamera(pose, calibration.projection(number), width, height)
     return cameras
 
 

@@ -23,7 +23,7 @@ _CORE, _GAP = (0.02, 0.98), 0.25  # quantiles of times without outliers; longest
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundClue:
     """The layer of points that the ground makes.
 
     Attributes:
@@ -35,7 +35,7 @@ class Ground:
     share: float
 
 
-def find_ground(xyz: np.ndarray, unit_m: float = 1.0) -> Ground | None:
+def find_ground(xyz: np.ndarray, unit_m: float = 1.0) -> GroundClue | None:
     """The ground as a dense layer below or above the sensor; None where no layer is one clearly.
 
     Args:
@@ -50,7 +50,7 @@ def find_ground(xyz: np.ndarray, unit_m: float = 1.0) -> Ground | None:
     beyond = float(np.mean(sign * near[:, 2] * unit_m > best[0] + 2 * _LAYER_M))
     if best[1] < _LAYER_SHARE or other[1] > _OTHER_SHARE * best[1] or beyond > _BEYOND_SHARE:
         return None
-    return Ground(sign * best[0] / unit_m, best[1])
+    return GroundClue(sign * best[0] / unit_m, best[1])
 
 
 def _layer(heights: np.ndarray) -> tuple[float, float]:

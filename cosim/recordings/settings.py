@@ -27,7 +27,7 @@ CHECKS: dict[Check, str] = {
 }
 
 
-class Mount(BaseModel):
+class RecordingMount(BaseModel):
     """Mount of the LiDAR above level ground, if it is not to be estimated from the ground in the scans."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -56,7 +56,7 @@ class RecordingSettings(BaseModel):
     segment_scans: int | None = Field(
         default=None, ge=20, le=1000, description="scans of a segment of a long recording; 150 by default"
     )
-    mount: Mount | None = Field(default=None, description="height and tilt of the sensor above level ground")
+    mount: RecordingMount | None = Field(default=None, description="height and tilt of the sensor above level ground")
 
     @property
     def points(self) -> PointOptions:

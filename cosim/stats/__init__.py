@@ -2,7 +2,7 @@
 
 from cosim.stats.compare import Distance, compare_sets
 from cosim.stats.frame_set import FrameSet
-from cosim.stats.objects import ObjectTable, difficulty
+from cosim.stats.objects import LabelledObjects, difficulty
 from cosim.stats.summary import summarise
 from cosim.stats.tally import Collected, collect
 from cosim.stats.write import as_json, write_stats
@@ -11,7 +11,7 @@ __all__ = [
     "Collected",
     "Distance",
     "FrameSet",
-    "ObjectTable",
+    "LabelledObjects",
     "as_json",
     "collect",
     "compare_sets",

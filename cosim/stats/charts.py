@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.report.plot import Axis, Plot, nice_top
-from cosim.stats.heat_map import VIEWS, View, density_colours, difference_colours, smoothing_cells
-from cosim.stats.objects import ObjectTable, difficulty
+from cosim.stats.heat_map import VIEWS, HeatMapView, density_colours, difference_colours, smoothing_cells
+from cosim.stats.objects import LabelledObjects, difficulty
 from cosim.stats.summary import DISTANCE_EDGES_M, OCCLUSIONS, histogram_mean, points_per_car, zero_share
 from cosim.stats.tally import INTENSITIES, INTENSITY_STEP, RANGE_STEP_M, RANGES_M, REACHES_M, Collected
 
@@ -39,7 +39,7 @@ def point_charts(sets: Sets) -> list[Chart]:
     sets = [found for found in sets if found.scanned.any() and len(found.focus)]
     if not sets:
         return []
-    chosen: list[tuple[str, Callable[[ObjectTable], np.ndarray]]] = [
+    chosen: list[tuple[str, Callable[[LabelledObjects], np.ndarray]]] = [
         ("all", lambda cars: np.ones(len(cars), bool)),
         *((word, lambda cars, level=int(level): _occluded(cars, level)) for level, word in OCCLUSIONS.items()),
     ]
@@ -111,7 +111,7 @@ def label_charts(sets: Sets) -> list[Chart]:
     return charts
 
 
-def _heat_maps(view: View, sets: Sets) -> list[Chart]:
+def _heat_maps(view: HeatMapView, sets: Sets) -> list[Chart]:
     word = "From above" if view.key == "birds_eye" else "From the side"
     sigma = smoothing_cells(min(len(found.focus) for found in sets))
     densities = [view.density(found.focus, sigma) for found in sets]
@@ -133,7 +133,7 @@ def _heat_maps(view: View, sets: Sets) -> list[Chart]:
     return charts
 
 
-def _points_against_distance(sets: Sets, word: str, rows: Callable[[ObjectTable], np.ndarray]) -> Chart:
+def _points_against_distance(sets: Sets, word: str, rows: Callable[[LabelledObjects], np.ndarray]) -> Chart:
     word = f"{word} cars"
     plot = Plot(
         Axis(0, 90, "ground distance (m)"), Axis(0.8, 10_000, "points on the car", log=True), f"points on {word}", 760
@@ -209,7 +209,9 @@ def _classes(sets: Sets) -> Chart:
     return Chart("Classes", "Height: objects a labelled frame; numbers: objects.", plot.svg(), "wide")
 
 
-def _shares(title: str, text: str, sets: Sets, counts: Callable[[ObjectTable], tuple[list[str], np.ndarray]]) -> Chart:
+def _shares(
+    title: str, text: str, sets: Sets, counts: Callable[[LabelledObjects], tuple[list[str], np.ndarray]]
+) -> Chart:
     names = counts(sets[0].focus)[0]
     plot = Plot(Axis(-0.5, len(names) - 0.5, names=names), Axis(0, 1.1, "share of cars", percent=True), title)
     for row, (style, found) in enumerate(zip(_styles(sets), sets, strict=True)):
@@ -220,22 +222,22 @@ def _shares(title: str, text: str, sets: Sets, counts: Callable[[ObjectTable], t
     return Chart(title, f"{text[0].upper()}{text[1:]}.", plot.svg())
 
 
-def _occlusion_counts(cars: ObjectTable) -> tuple[list[str], np.ndarray]:
+def _occlusion_counts(cars: LabelledObjects) -> tuple[list[str], np.ndarray]:
     names = ["visible", "partly", "largely", "unknown"]
     return names, np.array([(cars.occluded == level).sum() for level in range(4)])
 
 
-def _difficulty_counts(cars: ObjectTable) -> tuple[list[str], np.ndarray]:
+def _difficulty_counts(cars: LabelledObjects) -> tuple[list[str], np.ndarray]:
     levels = difficulty(cars)
     return [*levels, "none"], np.array([*(rows.sum() for rows in levels.values()), (~levels["hard"]).sum()])
 
 
-def _truncation_counts(cars: ObjectTable) -> tuple[list[str], np.ndarray]:
+def _truncation_counts(cars: LabelledObjects) -> tuple[list[str], np.ndarray]:
     places = np.digitize(cars.truncated, [1e-9, 0.15 + 1e-9, 0.30 + 1e-9, 0.50 + 1e-9])
     return ["none", "to 0.15", "to 0.30", "to 0.50", "above"], np.bincount(places, minlength=5)
 
 
-def _occluded(cars: ObjectTable, level: int) -> np.ndarray:
+def _occluded(cars: LabelledObjects, level: int) -> np.ndarray:
     return cars.visible if level == 0 else cars.occluded == level
 
 

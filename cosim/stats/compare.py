@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from cosim.stats.distance import Pair, Sample, estimate
+from cosim.stats.distance import FrameSample, Pair, estimate
 from cosim.stats.tally import INTENSITIES, RANGES_M, Collected
 
 DRAWS = 200
@@ -51,7 +51,7 @@ class _Quantity:
     key: str
     title: str
     unit: str
-    of: Callable[[Collected], list[Sample]]  # a sample an axis
+    of: Callable[[Collected], list[FrameSample]]  # a sample an axis
     period: float | None = None
     standardised: bool = False  # axes of a plane in standard deviations of the second set
 
@@ -84,7 +84,9 @@ def points_ratio(a: Collected, b: Collected, edges_m: np.ndarray) -> np.ndarray:
     return np.divide(top, bottom, out=np.full(len(top), np.nan), where=bottom > 0)
 
 
-def _measure(quantity: _Quantity, a: list[Sample], b: list[Sample], draws: int, rng: np.random.Generator) -> Distance:
+def _measure(
+    quantity: _Quantity, a: list[FrameSample], b: list[FrameSample], draws: int, rng: np.random.Generator
+) -> Distance:
     scales = [axis.spread or 1.0 for axis in b] if quantity.standardised else [1.0] * len(b)
     if len(b) == 1:
         samples = [(a[0], b[0])]
@@ -109,38 +111,40 @@ def _measure(quantity: _Quantity, a: list[Sample], b: list[Sample], draws: int, 
     )
 
 
-def _project(axes: list[Sample], scales: list[float], angle: float) -> Sample:
+def _project(axes: list[FrameSample], scales: list[float], angle: float) -> FrameSample:
     x, y = (axis.value / scale for axis, scale in zip(axes, scales, strict=True))
-    return Sample(axes[0].frame, np.cos(angle) * x + np.sin(angle) * y, axes[0].weight, axes[0].frames)
+    return FrameSample(axes[0].frame, np.cos(angle) * x + np.sin(angle) * y, axes[0].weight, axes[0].frames)
 
 
-def _cars(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[Sample]]:
+def _cars(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[FrameSample]]:
     """A sample of a value a car; `column` gives (cars,) or (cars, axes)."""
 
-    def of(collected: Collected) -> list[Sample]:
+    def of(collected: Collected) -> list[FrameSample]:
         values = np.asarray(column(collected), np.float64)
         table = values[None] if values.ndim == 1 else values.T
         rows, labelled = np.cumsum(collected.labelled) - 1, int(collected.labelled.sum())
         keep = np.isfinite(table).all(0)
         frame = rows[collected.focus.frame] if len(collected.focus) else np.zeros(0, np.int64)
-        return [Sample.of(frame[keep], axis[keep], labelled) for axis in table]
+        return [FrameSample.of(frame[keep], axis[keep], labelled) for axis in table]
 
     return of
 
 
-def _frames(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[Sample]]:
+def _frames(column: Callable[[Collected], np.ndarray]) -> Callable[[Collected], list[FrameSample]]:
     """A sample of a value a frame."""
 
-    def of(collected: Collected) -> list[Sample]:
+    def of(collected: Collected) -> list[FrameSample]:
         values = column(collected)
-        return [Sample.of(np.arange(len(values)), values, len(values))]
+        return [FrameSample.of(np.arange(len(values)), values, len(values))]
 
     return of
 
 
-def _histograms(column: Callable[[Collected], np.ndarray], values: np.ndarray) -> Callable[[Collected], list[Sample]]:
-    def of(collected: Collected) -> list[Sample]:
-        return [Sample.of_histograms(column(collected)[collected.scanned], values)]
+def _histograms(
+    column: Callable[[Collected], np.ndarray], values: np.ndarray
+) -> Callable[[Collected], list[FrameSample]]:
+    def of(collected: Collected) -> list[FrameSample]:
+        return [FrameSample.of_histograms(column(collected)[collected.scanned], values)]
 
     return of
 

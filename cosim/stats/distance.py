@@ -16,7 +16,7 @@ _LOT = 25  # draws at a time: bounds memory
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class FrameSample:
     """Values that belong to frames.
 
     Attributes:
@@ -32,12 +32,12 @@ class Sample:
     frames: int
 
     @classmethod
-    def of(cls, frame: np.ndarray, value: np.ndarray, frames: int) -> Sample:
+    def of(cls, frame: np.ndarray, value: np.ndarray, frames: int) -> FrameSample:
         """Values seen once each."""
         return cls(frame, np.asarray(value, np.float64), np.ones(len(frame)), frames)
 
     @classmethod
-    def of_histograms(cls, counts: np.ndarray, values: np.ndarray) -> Sample:
+    def of_histograms(cls, counts: np.ndarray, values: np.ndarray) -> FrameSample:
         """Values (k,) seen `counts` (f, k) times in each of f frames."""
         frame, column = np.nonzero(counts)
         return cls(frame, np.asarray(values, np.float64)[column], counts[frame, column].astype(float), len(counts))
@@ -61,7 +61,7 @@ class Pair:
         grid: values are rounded to multiples of it; 0 leaves them.
     """
 
-    def __init__(self, a: Sample, b: Sample, period: float | None = None, grid: float = 0.0) -> None:
+    def __init__(self, a: FrameSample, b: FrameSample, period: float | None = None, grid: float = 0.0) -> None:
         self._period = period
         values = np.concatenate([a.value, b.value])
         if grid > 0:
@@ -113,7 +113,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class DistanceEstimate:
     """A distance and what is known about it.
 
     Attributes:
@@ -131,8 +131,8 @@ class Estimate:
 
 
 def estimate(
-    samples: Sequence[tuple[Sample, Sample]], period: float | None, draws: int, rng: np.random.Generator
-) -> Estimate:
+    samples: Sequence[tuple[FrameSample, FrameSample]], period: float | None, draws: int, rng: np.random.Generator
+) -> DistanceEstimate:
     """The mean 1-Wasserstein distance over pairs (directions of one cloud, or a single one), with its uncertainty.
 
     What is drawn is compared on a grid of a five-hundredth of the spread, which is faster and finer than the interval.
@@ -162,7 +162,9 @@ def estimate(
     floor = np.mean([pair.wasserstein(part, 1 - part) for pair in within], axis=0)
     # a distance of noisy samples is too large; mirroring the quantiles takes that back (Davison & Hinkley 1997, § 5.2)
     high, low = 2 * value - np.nanquantile(again, [0.025, 0.975])
-    return Estimate(value, max(0.0, float(low)), max(0.0, float(high)), float(np.nanmedian(chance)), _median(floor))
+    return DistanceEstimate(
+        value, max(0.0, float(low)), max(0.0, float(high)), float(np.nanmedian(chance)), _median(floor)
+    )
 
 
 def _median(values: np.ndarray) -> float:
@@ -170,7 +172,7 @@ def _median(values: np.ndarray) -> float:
     return float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
 
 
-def _matrix(sample: Sample, column: np.ndarray, columns: int) -> csr_array:
+def _matrix(sample: FrameSample, column: np.ndarray, columns: int) -> csr_array:
     return csr_array(coo_array((sample.weight, (sample.frame, column)), shape=(sample.frames, columns)))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.drives.kitti import encode_rgb
 from cosim.report.plot import Axis, Plot
-from cosim.stats.objects import ObjectTable
+from cosim.stats.objects import LabelledObjects
 
 _ZOOM = 4  # picture pixels a cell
 _MANY_CARS = 3000  # more need no wider smoothing than a cell
@@ -19,7 +19,7 @@ _LESS, _MORE = np.array([90, 169, 255], float), np.array([255, 178, 62], float)
 
 
 @dataclass(frozen=True)
-class View:
+class HeatMapView:
     """A plane that cars are seen in.
 
     Attributes:
@@ -35,7 +35,7 @@ class View:
     cell: tuple[float, float]
     size: tuple[int, int]
 
-    def density(self, cars: ObjectTable, smooth_cells: float) -> np.ndarray:
+    def density(self, cars: LabelledObjects, smooth_cells: float) -> np.ndarray:
         """(rows, columns) float64 share of the cars in each cell, blurred by a Gaussian; top row first."""
         u, v = self._coordinates(cars)
         columns, rows = (
@@ -45,7 +45,7 @@ class View:
         smooth = cv2.GaussianBlur(counts, (0, 0), smooth_cells, borderType=cv2.BORDER_CONSTANT)
         return smooth[::-1] / max(len(cars), 1)
 
-    def outside(self, cars: ObjectTable) -> float:
+    def outside(self, cars: LabelledObjects) -> float:
         """Share of the cars that lie outside the plane's bounds."""
         u, v = self._coordinates(cars)
         inside = (u >= self.x.low) & (u <= self.x.high) & (v >= self.y.low) & (v <= self.y.high)
@@ -59,15 +59,17 @@ class View:
         plot.picture(encode_rgb(image), self.x.low, self.x.high, self.y.low, self.y.high)
         return plot
 
-    def _coordinates(self, cars: ObjectTable) -> tuple[np.ndarray, np.ndarray]:
+    def _coordinates(self, cars: LabelledObjects) -> tuple[np.ndarray, np.ndarray]:
         if self.key == "birds_eye":
             return -cars.centre[:, 1], cars.centre[:, 0]
         return cars.distance_m, cars.centre[:, 2]
 
 
 VIEWS = (
-    View("birds_eye", Axis(-40, 40, "to the right (m)"), Axis(0, 80, "ahead (m)"), (1.0, 1.0), (560, 548)),
-    View("side_view", Axis(0, 80, "distance (m)"), Axis(-3, 2, "height above the sensor (m)"), (1.0, 0.1), (560, 340)),
+    HeatMapView("birds_eye", Axis(-40, 40, "to the right (m)"), Axis(0, 80, "ahead (m)"), (1.0, 1.0), (560, 548)),
+    HeatMapView(
+        "side_view", Axis(0, 80, "distance (m)"), Axis(-3, 2, "height above the sensor (m)"), (1.0, 0.1), (560, 340)
+    ),
 )
 
 

@@ -16,7 +16,7 @@ NOT_COUNTED = -1
 
 
 @dataclass(frozen=True, eq=False)
-class ObjectTable:
+class LabelledObjects:
     """A row an object, without `DontCare` regions.
 
     Attributes:
@@ -42,7 +42,7 @@ class ObjectTable:
     points: np.ndarray
 
     @classmethod
-    def of(cls, labels: Labels, calibration: Calibration, frame: int, points: np.ndarray | None) -> ObjectTable:
+    def of(cls, labels: Labels, calibration: Calibration, frame: int, points: np.ndarray | None) -> LabelledObjects:
         """The objects of one frame; `labels` without `DontCare`, `points` (n,) counts or None."""
         boxes = labels.boxes_velo(calibration)
         return cls(
@@ -58,7 +58,7 @@ class ObjectTable:
         )
 
     @classmethod
-    def merge(cls, tables: Iterable[ObjectTable]) -> ObjectTable:
+    def merge(cls, tables: Iterable[LabelledObjects]) -> LabelledObjects:
         """All rows, in order."""
         empty = cls(
             *(np.zeros(0, np.int64), np.zeros(0, np.str_), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)),
@@ -72,11 +72,11 @@ class ObjectTable:
     def __len__(self) -> int:
         return len(self.frame)
 
-    def __getitem__(self, rows: np.ndarray) -> ObjectTable:
+    def __getitem__(self, rows: np.ndarray) -> LabelledObjects:
         """Some of the objects, by mask or index array."""
-        return ObjectTable(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+        return LabelledObjects(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
-    def of_type(self, name: str) -> ObjectTable:
+    def of_type(self, name: str) -> LabelledObjects:
         """The objects of one class, case-insensitive as in KITTI's evaluation."""
         return self[np.char.lower(self.type) == name.lower()]
 
@@ -91,7 +91,7 @@ class ObjectTable:
         return (self.occluded == 0) & (self.truncated <= _LIMITS[0][2])
 
 
-def difficulty(objects: ObjectTable) -> dict[str, np.ndarray]:
+def difficulty(objects: LabelledObjects) -> dict[str, np.ndarray]:
     """Which objects count in each of KITTI's levels, (n,) bool each; an easy object is also moderate and hard.
 
     The 2D box must be higher than 40, 25, 25 px; occlusion at most 0, 1, 2; truncation at most 0.15, 0.30, 0.50.

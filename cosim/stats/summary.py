@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.stats.objects import ObjectTable, difficulty
+from cosim.stats.objects import LabelledObjects, difficulty
 from cosim.stats.tally import INTENSITIES, RANGES_M, REACHES_M, Collected
 
 DISTANCE_EDGES_M = np.array([0, 5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 90], float)
@@ -30,7 +30,7 @@ def summarise(collected: Collected) -> dict[str, Any]:
     }
 
 
-def points_per_car(cars: ObjectTable, edges_m: np.ndarray = DISTANCE_EDGES_M) -> list[dict[str, float | int]]:
+def points_per_car(cars: LabelledObjects, edges_m: np.ndarray = DISTANCE_EDGES_M) -> list[dict[str, float | int]]:
     """Quantiles of the number of points on cars by ground distance; bins without a car are left out."""
     cars = cars[cars.points >= 0]
     place = np.digitize(cars.distance_m, edges_m) - 1
@@ -104,7 +104,7 @@ def _labels(collected: Collected) -> dict[str, Any]:
     }
 
 
-def _class(objects: ObjectTable) -> dict[str, Any]:
+def _class(objects: LabelledObjects) -> dict[str, Any]:
     occluded = {str(level): int((objects.occluded == level).sum()) for level in sorted(set(objects.occluded.tolist()))}
     heading, _ = np.histogram(np.degrees(objects.yaw), _HEADING_EDGES_DEG)
     return {

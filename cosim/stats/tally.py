@@ -12,7 +12,7 @@ from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
 from cosim.drives.kitti.labels import DONT_CARE
 from cosim.errors import FormatError
 from cosim.stats.frame_set import FrameSet
-from cosim.stats.objects import ObjectTable
+from cosim.stats.objects import LabelledObjects
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION
 
 FOCUS = "Car"
@@ -87,13 +87,13 @@ class Collected:
     frames: tuple[str, ...]
     labelled: np.ndarray
     scanned: np.ndarray
-    objects: ObjectTable
+    objects: LabelledObjects
     classes: Counter[str]
     scans: Scans
     notes: tuple[str, ...] = ()
 
     @property
-    def focus(self) -> ObjectTable:
+    def focus(self) -> LabelledObjects:
         """The labelled cars."""
         return self.objects.of_type(FOCUS)
 
@@ -124,7 +124,7 @@ def collect(source: FrameSet, on_frame: Callable[[str], None] = lambda name: Non
         frames=source.names,
         labelled=tally.labelled,
         scanned=tally.scanned,
-        objects=ObjectTable.merge(tally.tables),
+        objects=LabelledObjects.merge(tally.tables),
         classes=tally.classes,
         scans=tally.scans,
         notes=(*source.notes, *tally.notes),
@@ -136,7 +136,7 @@ class _Tally:
     """Counts so far."""
 
     frames: int
-    tables: list[ObjectTable] = field(default_factory=list)
+    tables: list[LabelledObjects] = field(default_factory=list)
     classes: Counter[str] = field(default_factory=Counter)
     unordered: int = 0
     bright: int = 0
@@ -199,11 +199,11 @@ class _Tally:
         if not len(labels):
             return
         if points is None:
-            self.tables.append(ObjectTable.of(labels, calibration, row, None))
+            self.tables.append(LabelledObjects.of(labels, calibration, row, None))
             return
         boxes = labels.boxes_velo(calibration)
         inside = points_in_boxes(points, boxes)
-        self.tables.append(ObjectTable.of(labels, calibration, row, inside.sum(1)))
+        self.tables.append(LabelledObjects.of(labels, calibration, row, inside.sum(1)))
         for box in np.flatnonzero([name.lower() == FOCUS.lower() for name in labels.type]):
             body = points[inside[box]]
             floor = boxes.centre[box, 2] - boxes.size[box, 2] / 2 + _CLEARANCE_M

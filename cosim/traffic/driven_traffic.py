@@ -10,7 +10,7 @@ from cosim.traffic.actors import Actors
 from cosim.traffic.admission import Admission
 from cosim.traffic.behaviour import BehaviourConfig, Drivers, Event
 from cosim.traffic.behaviour.bystanders import Bystanders
-from cosim.traffic.behaviour.kerbside import Kerbside
+from cosim.traffic.behaviour.kerbside import KerbsideParking
 from cosim.traffic.behaviour.roads import Roads
 from cosim.traffic.motion import Motion
 from cosim.traffic.simulation import Traffic
@@ -44,7 +44,7 @@ class DrivenTraffic:
         self._on_step = on_step
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
-        self._kerbside = Kerbside(config, seed)
+        self._kerbside = KerbsideParking(config, seed)
         self._roads = Roads(traffic.api)
         self._protected: set[str] = set()
         self._sight_m = sight_m

@@ -13,7 +13,7 @@ from cosim.drives.kitti.points import encode_points
 from cosim.drives.kitti.rays import PointRays, encode_rays
 from cosim.labels.effects import EXACT, difficulties, relabelled
 from cosim.variants.request import Variant
-from cosim.variants.source import Source, SourceFrame
+from cosim.variants.source import SourceFrame, VariantSource
 from sensors.effects.base import Effect, LabelEffect
 from sensors.point_cloud import PointCloud
 from sensors.returns import Returns
@@ -45,7 +45,7 @@ class Maker:
         variants: variants to make.
     """
 
-    def __init__(self, source: Source, variants: Sequence[Variant]) -> None:
+    def __init__(self, source: VariantSource, variants: Sequence[Variant]) -> None:
         self._source = source
         self._variants = {variant.stem: variant for variant in variants}
 
@@ -64,7 +64,7 @@ class Maker:
 class _FrameWork:
     """Cache for the variants of one frame: traced shots by beam effects, scans by sensor, ray files by returns."""
 
-    def __init__(self, source: Source, frame: SourceFrame) -> None:
+    def __init__(self, source: VariantSource, frame: SourceFrame) -> None:
         self._source = source
         self._frame = frame
         self._shots: dict[object, Shot] = {}

@@ -15,7 +15,7 @@ from cosim.view.birds_eye import GroundPlan, draw_outlines
 from cosim.view.colours import BACKGROUND, MUTED, TEXT, Scale
 from cosim.view.drawing import draw_colour_bar, draw_text
 from cosim.view.perspective import chase_view, close_view, draw_perspective
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 from cosim.view.selection import choose_frames
 
 _SCALE = Scale("", 0.0, 1.0, map="viridis", start=0.12)
@@ -87,7 +87,7 @@ def _draw_car(frame: Frame, points: np.ndarray, colours: np.ndarray) -> tuple[np
     distance = np.hypot(boxes.centre[:, 0], boxes.centre[:, 1])
     low, high = _CAR_RANGE_M
     row = int(np.argmin(np.where((distance >= low) & (distance <= high), distance, distance + 1e3)))
-    view: View = close_view(boxes, row, width, height)
+    view: Viewpoint = close_view(boxes, row, width, height)
     close = draw_perspective(points, colours, view)
     draw_text(close, f"{exact.type[row]} at {distance[row]:.0f} m", (8, 8), 11, TEXT)
     centre = boxes.centre[row]

@@ -13,10 +13,10 @@ import yaml
 
 from cosim.drives.lock import shared
 from cosim.drives.writer import OutputError
-from cosim.engine import Do, Engine, Event, LocalEngine, Tell
+from cosim.engine import Do, Engine, JobEvent, LocalEngine, Tell
 from cosim.variants.maker import Maker
 from cosim.variants.request import Variant, VariantError, read_variants
-from cosim.variants.source import Source
+from cosim.variants.source import VariantSource
 from cosim.variants.writer import VariantWriter
 
 _TASK_FRAMES = 10  # frames per task; the frames of a world are consecutive, so that it is rarely rebuilt
@@ -51,7 +51,7 @@ def make_variants(
     *,
     engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
-    on_event: Callable[[Event], None] = lambda event: None,
+    on_event: Callable[[JobEvent], None] = lambda event: None,
 ) -> VariantsResult:
     """Simulate the scans of a drive again with other sensors, or resume an interrupted call.
 
@@ -69,7 +69,7 @@ def make_variants(
         SensorError: a sensor does not exist or is invalid, or one of its effects returns invalid results.
     """
     variants = read_variants(text)
-    source = Source(path)
+    source = VariantSource(path)
     _check_outside(source.drive.root, folder)
     writers = {variant.stem: VariantWriter(folder / variant.stem) for variant in variants}
     with ExitStack() as locks:
@@ -107,14 +107,14 @@ class VariantsJob:
     def open(self, threads: int) -> Iterator[Do]:
         """Open the source; yields a function that makes the frames of a `Task`."""
         with ThreadPoolExecutor(_WRITERS) as disk, ExitStack() as locks:
-            source, variants = Source(self.path, threads=threads), read_variants(self.text)
+            source, variants = VariantSource(self.path, threads=threads), read_variants(self.text)
             maker = Maker(source, variants)
             writers = {variant.stem: VariantWriter(self.folder / variant.stem) for variant in variants}
             for writer in writers.values():
                 locks.enter_context(shared(writer.folder))
 
             def make(task: Task, tell: Tell) -> None:
-                tell(Event("ready"))
+                tell(JobEvent("ready"))
                 writing: list[Future[None]] = []
                 for name, stems in task:
                     frames, linked = maker.make(name, stems), source.linked_files(name)
@@ -133,10 +133,10 @@ def _wait(writing: list[Future[None]], tell: Tell) -> None:
     for future in writing:
         future.result()
     if writing:
-        tell(Event("frame"))
+        tell(JobEvent("frame"))
 
 
-def _make_tasks(source: Source, missing: Mapping[str, tuple[str, ...]]) -> list[Task]:
+def _make_tasks(source: VariantSource, missing: Mapping[str, tuple[str, ...]]) -> list[Task]:
     """Group the frames into tasks, each within one world."""
     by_world: dict[str, Task] = {}
     for name, stems in missing.items():
@@ -154,7 +154,7 @@ def _check_outside(root: Path, folder: Path) -> None:
         raise OutputError(f"{folder} is inside the drive {root}; choose another --out")
 
 
-def _settings(source: Source, variant: Variant) -> str:
+def _settings(source: VariantSource, variant: Variant) -> str:
     """YAML text of all settings that determine the bytes of a variant."""
     document = {
         "kind": "simulated",
@@ -171,7 +171,7 @@ def _settings(source: Source, variant: Variant) -> str:
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def _finish(writer: VariantWriter, source: Source, variant: Variant) -> None:
+def _finish(writer: VariantWriter, source: VariantSource, variant: Variant) -> None:
     for path, file in source.common_files().items():
         writer.share(path, file)
     counts = [entry["counts"] for entry in writer.manifest().values()]

@@ -30,7 +30,7 @@ _IMAGES = ("image", "depth", "label")  # prefixes of the image and label folders
 _LIDAR_FOLDERS = ("velodyne", "rays", "hits", "calib")
 
 
-class Source:
+class VariantSource:
     """A simulated drive.
 
     Args:
@@ -124,7 +124,7 @@ class Source:
 class SourceFrame:
     """One frame of a source; its parts are read on first use and cached."""
 
-    def __init__(self, source: Source, name: str) -> None:
+    def __init__(self, source: VariantSource, name: str) -> None:
         self._source = source
         self.name = name
         self.frame: Frame = source.drive[name]

@@ -8,7 +8,7 @@ import numpy as np
 from cosim.drives.kitti import Boxes, Labels
 from cosim.view.colours import BACKGROUND, MUTED, Scale, class_colour, dimmed
 from cosim.view.drawing import LabelPlacer, above, draw_colour_bar, draw_path, draw_segments
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 
 ENLARGED = 2
 _FOOTER_PX = 62
@@ -23,7 +23,7 @@ def enlarge(image: np.ndarray) -> np.ndarray:
     return cv2.resize(rgb, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC)
 
 
-def draw_points(image: np.ndarray, points: np.ndarray, view: View, scale: Scale) -> np.ndarray:
+def draw_points(image: np.ndarray, points: np.ndarray, view: Viewpoint, scale: Scale) -> np.ndarray:
     """Draw LiDAR points on a darkened camera image, coloured by depth, with a colour bar below.
 
     Args:
@@ -41,7 +41,7 @@ def draw_points(image: np.ndarray, points: np.ndarray, view: View, scale: Scale)
     return with_colour_bar(drawn, scale)
 
 
-def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: View) -> np.ndarray:
+def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: Viewpoint) -> np.ndarray:
     """Draw 2D boxes (thin) and 3D boxes (thick, with a cross on the front) with class, occlusion and truncation.
 
     Args:

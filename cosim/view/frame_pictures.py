@@ -20,7 +20,7 @@ from cosim.view.colours import BACKGROUND, Scale, colour_by_instance
 from cosim.view.drawing import draw_colour_bar
 from cosim.view.objects import Objects, PointInstances, find_instances, find_objects, labelled_boxes
 from cosim.view.perspective import chase_view, draw_perspective, draw_wires
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 from cosim.view.range_image import RangeGrid, draw_range_image, nearest_points
 from sensors.pattern import load_pattern
 
@@ -150,7 +150,7 @@ class FramePictures:
             yield Absent(captions.CAMERA_BOXES, "there is no image_2/ or image_0/")
             return
         image = straight_image(self.frame, folder)
-        view = View.of_camera(self.frame.calibration, int(folder[-1]), image.shape[1], image.shape[0])
+        view = Viewpoint.of_camera(self.frame.calibration, int(folder[-1]), image.shape[1], image.shape[0])
         view, image = view.enlarged(ENLARGED), enlarge(image)
         if self.frame.has("label_2"):
             yield Picture(captions.CAMERA_BOXES, draw_labels(image, self.frame.labels, self._labelled, view))

@@ -15,7 +15,7 @@ GENERATOR = "cosim view"
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownPicture:
     """A picture on the page: file relative to the page, caption, size in pixels."""
 
     file: str
@@ -45,7 +45,7 @@ class FrameSection:
 
     name: str
     facts: Sequence[tuple[str, str]]
-    pictures: Sequence[Shown]
+    pictures: Sequence[ShownPicture]
     missing: Sequence[Missing]
 
 
@@ -133,7 +133,7 @@ def _section(frame: FrameSection) -> str:
     )
 
 
-def _figure(frame: str, picture: Shown) -> str:
+def _figure(frame: str, picture: ShownPicture) -> str:
     file, caption = quote(picture.file), picture.caption
     wide = Markup(' class="wide"') if caption.wide else ""
     return fill(

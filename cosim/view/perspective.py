@@ -8,7 +8,7 @@ import numpy as np
 from cosim.drives.kitti import Boxes
 from cosim.view.colours import BACKGROUND, GRID, class_colour
 from cosim.view.drawing import LabelPlacer, above, draw_segments
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 from cosim.view.splatting import NOTHING, shade, splat
 
 LIDAR_HEIGHT_M = 1.73  # of KITTI's car: Geiger et al., IJRR 2013, figure 3
@@ -20,22 +20,22 @@ _DISC_LIMITS_PX = (1.0, 18.0)
 _SHADES = ((2, 30.0), (7, 25.0))  # reach [px] and strength: creases, then shapes
 
 
-def chase_view(width: int = 1600, height: int = 900) -> View:
+def chase_view(width: int = 1600, height: int = 900) -> Viewpoint:
     """From behind and above the vehicle, looking forward along the street."""
-    return View.looking((-10.0, 0, 5.6), (12, 0, -1.9), width=width, height=height, field_deg=64, near_m=4.0)
+    return Viewpoint.looking((-10.0, 0, 5.6), (12, 0, -1.9), width=width, height=height, field_deg=64, near_m=4.0)
 
 
-def close_view(boxes: Boxes, row: int, width: int, height: int) -> View:
+def close_view(boxes: Boxes, row: int, width: int, height: int) -> Viewpoint:
     """One object at an angle from above, from the side that the LiDAR sees."""
     centre, size = boxes.centre[row], boxes.size[row]
     bearing = np.arctan2(-centre[1], -centre[0]) + np.radians(22)
     back = 1.0 + 1.25 * float(np.linalg.norm(size))
     eye = centre + back * np.array([np.cos(bearing), np.sin(bearing), 0.36])
     field_deg = 2 * np.degrees(np.arctan(width / height * _CLOSE_HALF_FIELD))
-    return View.looking(eye, centre, width=width, height=height, field_deg=field_deg, near_m=back * 0.35)
+    return Viewpoint.looking(eye, centre, width=width, height=height, field_deg=field_deg, near_m=back * 0.35)
 
 
-def draw_perspective(points: np.ndarray, colours: np.ndarray, view: View) -> np.ndarray:
+def draw_perspective(points: np.ndarray, colours: np.ndarray, view: Viewpoint) -> np.ndarray:
     """Points as shaded discs above a ground grid.
 
     Args:
@@ -57,7 +57,7 @@ def draw_perspective(points: np.ndarray, colours: np.ndarray, view: View) -> np.
     return cv2.resize(image, (view.width, view.height), interpolation=cv2.INTER_AREA)
 
 
-def draw_wires(image: np.ndarray, boxes: Boxes, types: tuple[str, ...], view: View) -> None:
+def draw_wires(image: np.ndarray, boxes: Boxes, types: tuple[str, ...], view: Viewpoint) -> None:
     """Draw boxes as wire frames with class and distance above, the nearest named first."""
     corners, distance = boxes.corners, np.linalg.norm(boxes.centre, axis=1)
     near_first = np.argsort(distance, kind="stable")
@@ -71,7 +71,7 @@ def draw_wires(image: np.ndarray, boxes: Boxes, types: tuple[str, ...], view: Vi
             placer.place(text, above(uv[0, 0], uv[0, 1] - 20, step_px=25), class_colour(types[row]))
 
 
-def _draw_ground_rings(image: np.ndarray, view: View) -> None:
+def _draw_ground_rings(image: np.ndarray, view: Viewpoint) -> None:
     turn = np.linspace(0, 2 * np.pi, 361)
     for radius in range(10, 81, 10):
         ring = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full_like(turn, -LIDAR_HEIGHT_M)], -1)

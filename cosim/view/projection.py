@@ -12,7 +12,7 @@ _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Viewpoint:
     """A pinhole camera.
 
     Attributes:
@@ -39,7 +39,7 @@ class View:
         height: int,
         field_deg: float,
         near_m: float = 0.3,
-    ) -> View:
+    ) -> Viewpoint:
         """A view from `eye` towards `target` [m, LiDAR axes], z up, `field_deg` wide."""
         eye = np.asarray(eye, np.float64)
         forward = np.asarray(target, np.float64) - eye
@@ -52,12 +52,12 @@ class View:
         return cls(intrinsics @ np.column_stack([rotation, -rotation @ eye]), float(focal), width, height, near_m)
 
     @classmethod
-    def of_camera(cls, calibration: Calibration, camera: int, width: int, height: int) -> View:
+    def of_camera(cls, calibration: Calibration, camera: int, width: int, height: int) -> Viewpoint:
         """The view of a KITTI camera."""
         projection = calibration.projection(camera)
         return cls(projection @ calibration.velo_to_rect_matrix, float(projection[0, 0]), width, height)
 
-    def enlarged(self, factor: int) -> View:
+    def enlarged(self, factor: int) -> Viewpoint:
         """The same view with `factor` times the pixels each way."""
         # pixel centres: u' = factor·(u + ½) − ½
         shift = (factor - 1) / 2

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))
 _MAX_OCTAVES = 0.035  # larger steps of depth do not darken more
@@ -31,7 +31,7 @@ class Splats:
     depth: np.ndarray
 
 
-def splat(points: np.ndarray, radius_m: np.ndarray, view: View, *, limits_px: tuple[float, float]) -> Splats:
+def splat(points: np.ndarray, radius_m: np.ndarray, view: Viewpoint, *, limits_px: tuple[float, float]) -> Splats:
     """Draw points as discs that are convex towards the camera; the nearest disc is visible.
 
     Args:
@@ -83,7 +83,7 @@ def _splat_disc(
     depth: np.ndarray,
     radius_m: np.ndarray,
     step: int,
-    view: View,
+    view: Viewpoint,
 ) -> None:
     """Draw discs with a radius of `step` pixels into the buffer of (depth, index) keys."""
     offset = np.arange(-step, step + 1)

@@ -18,7 +18,7 @@ from cosim.view.captions import Caption
 from cosim.view.colours import Scale
 from cosim.view.facts import drive_facts, frame_facts
 from cosim.view.frame_pictures import Absent, FramePictures, intensity_scale
-from cosim.view.page import GENERATOR, FrameSection, Missing, Page, Shown, Thumbnail, format_page
+from cosim.view.page import GENERATOR, FrameSection, Missing, Page, ShownPicture, Thumbnail, format_page
 from cosim.view.selection import spread_evenly
 from cosim.view.titles import drive_title
 
@@ -82,11 +82,11 @@ def _draw_frame(drive: Drive, name: str, intensity: Scale, folder: Path) -> Fram
     return FrameSection(name, facts, shown, missing)
 
 
-def _save(image: np.ndarray, caption: Caption, name: str, folder: Path) -> Shown:
+def _save(image: np.ndarray, caption: Caption, name: str, folder: Path) -> ShownPicture:
     file = f"{_PICTURES}/{name}-{caption.key}.png"
     with explained(folder / file):
         (folder / file).write_bytes(encode_rgb(image))
-    return Shown(file, caption, image.shape[1], image.shape[0])
+    return ShownPicture(file, caption, image.shape[1], image.shape[0])
 
 
 def _draw_thumbnail(drive: Drive, name: str, intensity: Scale, folder: Path, *, shown: bool) -> Thumbnail:

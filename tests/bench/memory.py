@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cosim.capture.config import RunConfig
 from cosim.capture.runner import run
-from cosim.engine import Event, LocalEngine
+from cosim.engine import JobEvent, LocalEngine
 from tests.bench.rows import Row
 
 _FRAMES, _EPISODE = 1000, 25
@@ -20,7 +20,7 @@ def rows() -> Iterator[Row]:
     """The rate of a whole drive, and the most memory that any of two workers has held as it goes on."""
     peaks: list[float] = []
 
-    def on_event(event: Event) -> None:
+    def on_event(event: JobEvent) -> None:
         if event.kind == "task":
             peaks.append(max(event.peak_bytes / 2**20, peaks[-1] if peaks else 0.0))
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cosim.capture.config import RunConfig
 from cosim.capture.runner import run
-from cosim.engine import Event, LocalEngine
+from cosim.engine import JobEvent, LocalEngine
 from tests.bench.rows import Row
 
 _SEED = 4
@@ -41,7 +41,7 @@ def measured(config: RunConfig, workers: int) -> Measured:
     stamps: list[float] = []
     peaks: list[int] = []
 
-    def on_event(event: Event) -> None:
+    def on_event(event: JobEvent) -> None:
         if event.kind == "frame":
             stamps.append(time.monotonic())
         elif event.kind == "task":

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from cosim.errors import CosimError
-from cosim.stats import FrameSet, ObjectTable
+from cosim.stats import FrameSet, LabelledObjects
 from tests.bench.scan_signature import CAR_EDGES_M, INTENSITIES, REACH_EDGES_M, RINGS, SATURATED, Signature, measure
 
 CAR_DISTANCES_M = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50], float)
@@ -127,7 +127,7 @@ def _car_points(ours: Signature, real: Signature, outlined: str = "") -> list[Ro
     return found
 
 
-def _outline_msr(cars: ObjectTable) -> np.ndarray:
+def _outline_msr(cars: LabelledObjects) -> np.ndarray:
     """Solid angle of the boxes seen from the side, (n,) [msr]: height × (length·|sin| + width·|cos|) of the aspect."""
     aspect = cars.yaw - np.arctan2(cars.centre[:, 1], cars.centre[:, 0])
     length, width, height = cars.size.T

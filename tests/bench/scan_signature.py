@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.drives.kitti import Calibration, Frame, points_in_boxes
-from cosim.stats import FrameSet, ObjectTable
+from cosim.stats import FrameSet, LabelledObjects
 from sensors.cameras.kitti_rig import KITTI_CALIBRATION
 
 RINGS = 64
@@ -46,7 +46,7 @@ class Signature:
     lost: np.ndarray
     scatter_m: np.ndarray
     elevation_deg: np.ndarray
-    cars: ObjectTable = field(default_factory=lambda: ObjectTable.merge([]))
+    cars: LabelledObjects = field(default_factory=lambda: LabelledObjects.merge([]))
 
 
 def measure(source: FrameSet) -> Signature:
@@ -83,11 +83,11 @@ def measure(source: FrameSet) -> Signature:
             found.lost[row] = _lost(ring, azimuth, distance)
             found.scatter_m[row] = _scatter_m(ring, azimuth, distance)
             found.elevation_deg[row] = _elevations(ring, points)
-    found.cars = ObjectTable.merge(tables).of_type("Car")
+    found.cars = LabelledObjects.merge(tables).of_type("Car")
     return found
 
 
-def _cars(row: int, frame: Frame, points: np.ndarray) -> tuple[ObjectTable, np.ndarray]:
+def _cars(row: int, frame: Frame, points: np.ndarray) -> tuple[LabelledObjects, np.ndarray]:
     labels = frame.labels.cared_for
     calibration = frame.calibration if frame.has("calib") else Calibration(**vars(KITTI_CALIBRATION))
     boxes = labels.boxes_velo(calibration)
@@ -95,7 +95,7 @@ def _cars(row: int, frame: Frame, points: np.ndarray) -> tuple[ObjectTable, np.n
     above = points[None, :, 2] > (boxes.centre[:, 2] - boxes.size[:, 2] / 2 + _CLEARANCE_M)[:, None]
     is_car = np.array([name == "Car" for name in labels.type], bool)
     on_car = np.asarray((inside & above)[is_car].any(0))
-    return ObjectTable.of(labels, calibration, row, inside.sum(1)), on_car
+    return LabelledObjects.of(labels, calibration, row, inside.sum(1)), on_car
 
 
 def _sums(distance: np.ndarray, intensity: np.ndarray, edges: np.ndarray) -> np.ndarray:

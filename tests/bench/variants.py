@@ -14,7 +14,7 @@ from cosim.capture.runner import run
 from cosim.variants import PAPER
 from cosim.variants.maker import Maker
 from cosim.variants.request import read_variants
-from cosim.variants.source import Source
+from cosim.variants.source import VariantSource
 from cosim.variants.writer import VariantWriter
 
 _FRAMES = 8
@@ -35,7 +35,7 @@ def table() -> Table:
 
 
 def _timed(folder: Path) -> dict[str, float]:
-    source = Source(folder / "drive")
+    source = VariantSource(folder / "drive")
     maker = Maker(source, read_variants("all"))
     writers = {stem: VariantWriter(folder / stem) for stem in PAPER}
     maker.make(source.drive.frames[0], PAPER)  # builds the world

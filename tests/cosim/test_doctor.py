@@ -10,7 +10,7 @@ import pytest
 
 from cosim import doctor
 from cosim.cli import main
-from cosim.doctor import Finding, can_record, examine
+from cosim.doctor import CheckResult, can_record, examine
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +56,8 @@ def test_a_program_that_hangs_counts_as_missing(monkeypatch):
 
 
 def test_one_way_to_draw_is_enough_and_none_is_too_few(monkeypatch, capsys):
-    def part(name: str, works: bool, needed: bool = False) -> Finding:
-        return Finding(name, works, "1.0" if works else "", "images", "apt-get install it", needed)
+    def part(name: str, works: bool, needed: bool = False) -> CheckResult:
+        return CheckResult(name, works, "1.0" if works else "", "images", "apt-get install it", needed)
 
     sumo, osmesa, egl = part("SUMO", True, True), part("OSMesa", False), part("EGL", True)
     assert can_record([sumo, osmesa, egl])

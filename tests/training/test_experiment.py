@@ -18,7 +18,7 @@ from training.config import parse_train_config
 from training.experiments import load_table, table_names
 from training.experiments.comparisons import differences, gains
 from training.experiments.frames import Inputs, match_steps, real_training_frames, tuned_config
-from training.experiments.run import Row
+from training.experiments.run import ExperimentRow
 
 
 @pytest.fixture
@@ -59,9 +59,9 @@ def test_differences_of_similar_rows_are_not_significant_and_those_of_a_blind_ro
     settings = {"test": {"drive": "real"}}
     draws = np.random.default_rng(0).uniform(60, 80, 200)
 
-    def row(name: str, mean: float, values: np.ndarray) -> Row:
+    def row(name: str, mean: float, values: np.ndarray) -> ExperimentRow:
         scores = {"Car": {"3d": {"R40": [0.0, mean, 0.0]}}, "ci95": {}, "settings": settings}
-        return Row(name, {**scores, "draws_3d_moderate": values.tolist()})
+        return ExperimentRow(name, {**scores, "draws_3d_moderate": values.tolist()})
 
     rows = [
         row("best", 70.1, draws),
@@ -124,8 +124,8 @@ def test_a_gain_is_after_minus_before():
     def scores(mean: float) -> dict:
         return {"Car": {"3d": {"R40": [0.0, mean, 0.0]}}}
 
-    row = Row("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
-    (gain,) = gains([row, Row("real", scores(60.0))])
+    row = ExperimentRow("dual", {**scores(50.0), "before": scores(40.0), "gain_ci95": {"3d": [-2.0, 15.0]}})
+    (gain,) = gains([row, ExperimentRow("real", scores(60.0))])
     assert gain.gap == pytest.approx(10) and gain.verdict == "not significant"
 
 

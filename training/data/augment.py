@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.drives.kitti import points_in_boxes, wrap_angle
-from training.data.frame import Sample
+from training.data.frame import TrainingSample
 from training.data.object_bank import ObjectBank, as_boxes
 
 
@@ -46,7 +46,9 @@ class Augment(BaseModel):
         return cls(flip=0, rotation_deg=0, scale=0, samples={})
 
 
-def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.random.Generator) -> Sample:
+def augment(
+    sample: TrainingSample, settings: Augment, bank: ObjectBank | None, rng: np.random.Generator
+) -> TrainingSample:
     """Insert objects into a frame, then flip, rotate and scale the whole frame."""
     if bank is not None:
         sample = bank.fill(sample, rng)
@@ -68,7 +70,7 @@ def augment(sample: Sample, settings: Augment, bank: ObjectBank | None, rng: np.
     gain = rng.uniform(1 - settings.intensity_gain, 1 + settings.intensity_gain)
     points[:, 3] = np.clip(points[:, 3] * gain, 0, 1)
     boxes[:, 6] = wrap_angle(boxes[:, 6])
-    return Sample(sample.name, points, boxes, sample.class_ids)
+    return TrainingSample(sample.name, points, boxes, sample.class_ids)
 
 
 def _tilt(points: np.ndarray, boxes: np.ndarray, slope: np.ndarray, lift_m: float) -> None:

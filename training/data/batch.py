@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from training.data.frame import Sample
+from training.data.frame import TrainingSample
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Batch:
         return replace(self, points=torch.nn.functional.pad(self.points[:, :4], (0, 1)))
 
 
-def collate(samples: Sequence[Sample]) -> Batch:
+def collate(samples: Sequence[TrainingSample]) -> Batch:
     """Join frames to a batch."""
     numbered = [np.insert(sample.points, 0, number, axis=1) for number, sample in enumerate(samples)]
     return Batch(

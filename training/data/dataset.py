@@ -13,14 +13,14 @@ from torch.utils.data import DataLoader, Dataset
 
 from training.data.augment import Augment, augment
 from training.data.batch import Batch, collate
-from training.data.frame import Sample
+from training.data.frame import TrainingSample
 from training.data.object_bank import ObjectBank
 
 
 class AugmentedFrames(Dataset):
     """Frames by (epoch, index), with a different augmentation in every epoch."""
 
-    def __init__(self, samples: Sequence[Sample], settings: Augment, classes: Sequence[str], seed: int) -> None:
+    def __init__(self, samples: Sequence[TrainingSample], settings: Augment, classes: Sequence[str], seed: int) -> None:
         self._samples, self._settings, self._seed = samples, settings, seed
         wanted = {number: settings.samples.get(name, 0) for number, name in enumerate(classes)}
         wanted = {kind: count for kind, count in wanted.items() if count}
@@ -29,14 +29,14 @@ class AugmentedFrames(Dataset):
     def __len__(self) -> int:
         return len(self._samples)
 
-    def __getitem__(self, key: tuple[int, int]) -> Sample:
+    def __getitem__(self, key: tuple[int, int]) -> TrainingSample:
         """Return the augmented frame of an (epoch, index) pair."""
         epoch, index = key
         rng = np.random.default_rng([self._seed, 1, epoch, index])
         return augment(self._samples[index], self._settings, self._bank, rng)
 
 
-class Steps:
+class TrainingSteps:
     """Frames of every training step: shuffled in each epoch and distributed over the training processes.
 
     Args:
@@ -66,7 +66,7 @@ class Steps:
 class _StepRange:
     """Batch sampler for a range of steps."""
 
-    def __init__(self, steps: Steps, start: int, end: int) -> None:
+    def __init__(self, steps: TrainingSteps, start: int, end: int) -> None:
         self._steps, self._start, self._end = steps, start, end
 
     def __iter__(self) -> Iterator[list[tuple[int, int]]]:
@@ -76,7 +76,7 @@ class _StepRange:
         return self._end - self._start
 
 
-def load(frames: AugmentedFrames, steps: Steps, start: int, end: int, workers: int) -> Iterator[Batch]:
+def load(frames: AugmentedFrames, steps: TrainingSteps, start: int, end: int, workers: int) -> Iterator[Batch]:
     """Load the batches of steps `start` to `end` − 1."""
     return iter(
         DataLoader(

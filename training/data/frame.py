@@ -16,7 +16,7 @@ _DEFAULT_SIZE_PX = (1242, 375)
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class TrainingSample:
     """A frame to learn from.
 
     Attributes:
@@ -54,7 +54,7 @@ def in_view(frame: Frame, points: np.ndarray) -> np.ndarray:
         return (depth > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
 
 
-def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sample:
+def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> TrainingSample:
     """Read a frame.
 
     Args:
@@ -66,7 +66,7 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     ahead = points[points[:, 0] > 0]
     seen = ahead[in_view(frame, ahead)]
     if not frame.has("label_2"):
-        return Sample(frame.name, seen, np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
+        return TrainingSample(frame.name, seen, np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
     indices = {name.lower(): number for number, name in enumerate(classes)}
     neighbours = {(NEIGHBOURS.get(name) or "").lower() for name in classes}
     labels = frame.labels.of_type(*indices, *(neighbours - {""}))
@@ -75,4 +75,4 @@ def read_sample(frame: Frame, classes: Sequence[str], min_points: int = 5) -> Sa
     few = points_in_boxes(seen, boxes).sum(1) < min_points
     class_ids[few] = IGNORED
     table = np.column_stack([boxes.centre, boxes.size, boxes.yaw]).astype(np.float32)
-    return Sample(frame.name, seen, table.reshape(-1, 7), class_ids)
+    return TrainingSample(frame.name, seen, table.reshape(-1, 7), class_ids)

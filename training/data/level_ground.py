@@ -35,7 +35,7 @@ _MAX_ABOVE_M = (0.30, 0.20, 0.12)  # per iteration: cells higher above the surfa
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class LocalGround:
     """Ground height of a batch of frames.
 
     Attributes:
@@ -79,7 +79,7 @@ class Ground:
 
 
 @torch.no_grad()
-def find_ground(points: Tensor, frames: int, grid: Grid) -> Ground:
+def find_ground(points: Tensor, frames: int, grid: Grid) -> LocalGround:
     """Estimate the ground of a batch of frames.
 
     Args:
@@ -99,7 +99,7 @@ def find_ground(points: Tensor, frames: int, grid: Grid) -> Ground:
     for limit_m in _MAX_ABOVE_M:
         above = seen - torch.minimum(surface, possible)
         surface = _smooth(seen, weight_seen * torch.exp(-((above / limit_m).clamp(min=0) ** 2)))
-    return Ground(surface, (low[0], low[1]), (high[0], high[1]))
+    return LocalGround(surface, (low[0], low[1]), (high[0], high[1]))
 
 
 def _lowest_points(

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cosim.drives.kitti import Boxes, points_in_boxes
-from training.data.frame import Sample
+from training.data.frame import TrainingSample
 from training.data.grid import Grid
 from training.evaluation.rotated_overlap import paired_intersections
 
 if TYPE_CHECKING:
-    from training.data.level_ground import Ground
+    from training.data.level_ground import LocalGround
 
 _MARGIN_M = 0.1  # points of the frame this close to an inserted object are removed
 _GROUND = Grid((0.0, -40.0, -3.0), (70.4, 40.0, 1.0), (0.8, 0.8, 4.0))  # range of the ground estimate
@@ -44,7 +44,7 @@ class ObjectBank:
         min_points: objects with fewer points are omitted.
     """
 
-    def __init__(self, samples: Sequence[Sample], wanted: Mapping[int, int], min_points: int = 5) -> None:
+    def __init__(self, samples: Sequence[TrainingSample], wanted: Mapping[int, int], min_points: int = 5) -> None:
         self._wanted = dict(wanted)
         self._objects: dict[int, list[BankedObject]] = {kind: [] for kind in wanted}
         self._grounds = _estimate_grounds(samples)
@@ -60,7 +60,7 @@ class ObjectBank:
     def __len__(self) -> int:
         return sum(len(some) for some in self._objects.values())
 
-    def fill(self, sample: Sample, rng: np.random.Generator) -> Sample:
+    def fill(self, sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
         """Insert objects until the sample has the wanted number of each class.
 
         Objects keep their horizontal position and their height above ground, and do not overlap others.
@@ -79,7 +79,7 @@ class ObjectBank:
         covered = points_in_boxes(sample.points, as_boxes(added), _MARGIN_M).any(0)
         points = np.concatenate([sample.points[~covered], *(item.points for item in chosen)])
         class_ids = np.concatenate([sample.class_ids, [item.kind for item in chosen]])
-        return Sample(sample.name, points, np.concatenate([sample.boxes, added]), class_ids)
+        return TrainingSample(sample.name, points, np.concatenate([sample.boxes, added]), class_ids)
 
 
 def as_boxes(table: np.ndarray) -> Boxes:
@@ -87,7 +87,7 @@ def as_boxes(table: np.ndarray) -> Boxes:
     return Boxes(table[:, :3], table[:, 3:6], table[:, 6])
 
 
-def _move_to_ground(items: list[BankedObject], ground: Ground) -> list[BankedObject]:
+def _move_to_ground(items: list[BankedObject], ground: LocalGround) -> list[BankedObject]:
     """Shift objects to their height above the ground of a frame; drop those that would move too far."""
     if not items:
         return []
@@ -102,7 +102,7 @@ def _move_to_ground(items: list[BankedObject], ground: Ground) -> list[BankedObj
     return moved
 
 
-def _estimate_ground(sample: Sample) -> Ground:
+def _estimate_ground(sample: TrainingSample) -> LocalGround:
     import torch
 
     from training.data.level_ground import find_ground
@@ -110,7 +110,7 @@ def _estimate_ground(sample: Sample) -> Ground:
     return find_ground(torch.from_numpy(np.insert(sample.points, 0, 0, axis=1)), 1, _GROUND)
 
 
-def _estimate_grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
+def _estimate_grounds(samples: Sequence[TrainingSample]) -> dict[TrainingSample, LocalGround]:
     """Estimate the ground of each frame; all heights are stored in one array.
 
     Thousands of separate small arrays would need four times the memory because of fragmentation.
@@ -124,7 +124,7 @@ def _estimate_grounds(samples: Sequence[Sample]) -> dict[Sample, Ground]:
     return {sample: replace(first, height=height[None]) for sample, height in zip(samples, heights, strict=True)}
 
 
-def _ground_rises(ground: Ground, boxes: np.ndarray) -> np.ndarray:
+def _ground_rises(ground: LocalGround, boxes: np.ndarray) -> np.ndarray:
     """Ground height above the level (n,) [m] under boxes (n, 7)."""
     import torch
 

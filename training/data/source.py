@@ -9,11 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from cosim.drives.kitti import Drive
 from cosim.drives.kitti.layout import read_split
-from training.data.frame import Sample, read_sample
+from training.data.frame import TrainingSample, read_sample
 from training.errors import TrainingError
 
 
-class Source(BaseModel):
+class FrameSource(BaseModel):
     """Frames of one drive, simulated or real."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -49,8 +49,8 @@ class Source(BaseModel):
 
 
 def read_samples(
-    sources: Sequence[Source], classes: Sequence[str], on_frame: Callable[[], None] = lambda: None
-) -> list[Sample]:
+    sources: Sequence[FrameSource], classes: Sequence[str], on_frame: Callable[[], None] = lambda: None
+) -> list[TrainingSample]:
     """Read all frames of the sources.
 
     Raises:

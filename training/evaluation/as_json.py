@@ -6,7 +6,7 @@ from typing import Any
 
 from training.evaluation.evaluate import Evaluation
 from training.evaluation.rules import CLASSES, METRICS
-from training.evaluation.slices import Slice
+from training.evaluation.slices import ScoreSlice
 
 Intervals = dict[tuple[str, str], list[tuple[float, float]]]
 
@@ -14,7 +14,7 @@ Intervals = dict[tuple[str, str], list[tuple[float, float]]]
 def as_json(
     evaluation: Evaluation,
     intervals: Intervals | None = None,
-    parts: dict[str, dict[str, list[Slice]]] | None = None,
+    parts: dict[str, dict[str, list[ScoreSlice]]] | None = None,
 ) -> dict[str, Any]:
     """`{CLASS: {METRIC: {"R40": [easy, moderate, hard], "R11": […], "continuous": […]}, "aos": …}}` in percent.
 
@@ -26,7 +26,7 @@ def as_json(
 
 
 def _class_json(
-    evaluation: Evaluation, name: str, intervals: Intervals, parts: dict[str, list[Slice]] | None
+    evaluation: Evaluation, name: str, intervals: Intervals, parts: dict[str, list[ScoreSlice]] | None
 ) -> dict[str, Any] | None:
     metrics = evaluation.results.get(name)
     if metrics is None:

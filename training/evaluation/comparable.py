@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim.drives.kitti import Labels
 from training.errors import EvaluationError
-from training.evaluation.read import Scored, Table
+from training.evaluation.read import Scored, ScoreTable
 from training.evaluation.rules import NEIGHBOURS
 
 #: Types of KITTI's label files, in lower case.
@@ -123,7 +123,7 @@ def rename_classes(scored: Scored, names: Mapping[str, str]) -> Scored:
                 f"--classes {old}={names[old]}: the files contain {', '.join(sorted(known_names))}; give one of them"
             )
 
-    def rename_table(table: Table) -> Table:
+    def rename_table(table: ScoreTable) -> ScoreTable:
         types = tuple(names.get(kind, name) for kind, name in zip(table.kind, table.objects.type, strict=True))
         kind = np.array([name.lower() for name in types], dtype=str)
         return replace(table, objects=replace(table.objects, type=types), kind=kind)
@@ -143,11 +143,11 @@ def _projected_height(objects: Labels) -> np.ndarray:
 
 
 def _list_classes(scored: Scored, side: str) -> str:
-    table: Table = getattr(scored, side)
+    table: ScoreTable = getattr(scored, side)
     counts = Counter(table.objects.type)
     return ", ".join(f"{name} ({count})" for name, count in counts.most_common(8)) or "nothing"
 
 
 def _class_name(scored: Scored, side: str, kind: str) -> str:
-    table: Table = getattr(scored, side)
+    table: ScoreTable = getattr(scored, side)
     return table.objects.type[table.kind.tolist().index(kind)]

@@ -14,7 +14,7 @@ from training.evaluation.as_json import Intervals
 from training.evaluation.evaluate import Evaluation, Result
 from training.evaluation.pictures import CAPTION
 from training.evaluation.rules import DIFFICULTIES, METRICS, MIN_OVERLAP
-from training.evaluation.slices import Slice
+from training.evaluation.slices import ScoreSlice
 
 _TITLES = {"3d": "3D", "bev": "Bird’s-eye view", "2d": "Image", "aos": "Orientation (AOS)"}
 _WORDS = {"distance": "distance", "occlusion": "occlusion", "points": "points in the box"}
@@ -25,7 +25,7 @@ def format_page(
     evaluation: Evaluation,
     title: str,
     intervals: Intervals,
-    parts: dict[str, dict[str, list[Slice]]],
+    parts: dict[str, dict[str, list[ScoreSlice]]],
     pictures: Sequence[tuple[str, str]] = (),
 ) -> str:
     """The HTML text.
@@ -140,7 +140,7 @@ def _row(title: str, words: Sequence[str]) -> str:
     return fill("<tr><th>{}</th>{}</tr>", title, Markup().join(fill("<td>{}</td>", word) for word in words))
 
 
-def _parts(parts_by_kind: dict[str, list[Slice]]) -> str:
+def _parts(parts_by_kind: dict[str, list[ScoreSlice]]) -> str:
     figures = []
     for kind, parts in parts_by_kind.items():
         if not parts:

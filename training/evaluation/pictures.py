@@ -13,7 +13,7 @@ from cosim.view.colours import Rgb
 from cosim.view.drawing import draw_path, draw_text
 from training.data.frame import in_view
 from training.evaluation.candidates import overlapping
-from training.evaluation.read import Scored, Table
+from training.evaluation.read import Scored, ScoreTable
 from training.evaluation.rules import MIN_OVERLAP
 
 CAPTION = (
@@ -85,7 +85,7 @@ def _find_hits(scored: Scored, objects: np.ndarray, detected: np.ndarray) -> np.
 
 
 def _draw_outlines(
-    image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, colour: Rgb, thickness: int
+    image: np.ndarray, table: ScoreTable, rows: np.ndarray, calibration: Calibration, colour: Rgb, thickness: int
 ) -> None:
     for corners in table.objects[rows].boxes_velo(calibration).corners[:, :4, :2]:
         draw_path(image, _PLAN.pixels(corners), colour, thickness, closed=True)
@@ -94,7 +94,7 @@ def _draw_outlines(
 
 
 def _draw_scores(
-    image: np.ndarray, table: Table, rows: np.ndarray, calibration: Calibration, score: np.ndarray, colour: Rgb
+    image: np.ndarray, table: ScoreTable, rows: np.ndarray, calibration: Calibration, score: np.ndarray, colour: Rgb
 ) -> None:
     for row, corners in zip(rows, table.objects[rows].boxes_velo(calibration).corners[:, :4, :2], strict=True):
         x, y = _PLAN.pixels(corners).max(0)

@@ -14,7 +14,7 @@ from training.errors import EvaluationError
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ScoreTable:
     """Objects of all frames, frame after frame, in the order of their files.
 
     Attributes:
@@ -28,7 +28,7 @@ class Table:
     frame: np.ndarray
 
     @classmethod
-    def of(cls, frames: Sequence[Labels]) -> Table:
+    def of(cls, frames: Sequence[Labels]) -> ScoreTable:
         """Join frames; scores are kept if all that hold objects have them."""
         filled = [labels for labels in frames if len(labels)]
         joined = _join(filled) if filled else Labels.empty()
@@ -42,8 +42,8 @@ class Scored:
     """Labels and detections of the same frames."""
 
     names: tuple[str, ...]
-    labels: Table
-    detections: Table
+    labels: ScoreTable
+    detections: ScoreTable
 
 
 def pair_frames(labels: Sequence[Labels], detections: Sequence[Labels], names: Sequence[str] | None = None) -> Scored:
@@ -58,7 +58,7 @@ def pair_frames(labels: Sequence[Labels], detections: Sequence[Labels], names: S
     for name, detected in zip(names, detections, strict=True):
         if len(detected) and detected.score is None:
             raise EvaluationError(f"detections of {name}: 15 columns, no score; end every line with one")
-    return Scored(names, Table.of(labels), Table.of(detections))
+    return Scored(names, ScoreTable.of(labels), ScoreTable.of(detections))
 
 
 def read_results(detections: Path, labels: Path, frames: Path | None = None) -> Scored:

@@ -19,7 +19,7 @@ from cosim.drives.kitti import Drive, points_in_boxes
 from training.evaluation.average_precision import continuous_average
 from training.evaluation.evaluate import Result
 from training.evaluation.matching import assign_detections, count
-from training.evaluation.read import Table
+from training.evaluation.read import ScoreTable
 
 DISTANCE_EDGES_M = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 80.0)
 POINT_EDGES = (0, 5, 20, 50, 100, 300, 1000, 10_000_000)
@@ -28,7 +28,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True)
-class Slice:
+class ScoreSlice:
     """A subset of the objects: name, number of objects, average precision [%] and highest recall [%]."""
 
     name: str
@@ -41,7 +41,7 @@ class Slice:
         return {"name": self.name, "objects": self.objects, "ap": self.ap, "recall": self.recall}
 
 
-def slices(result: Result, points: np.ndarray | None = None) -> dict[str, list[Slice]]:
+def slices(result: Result, points: np.ndarray | None = None) -> dict[str, list[ScoreSlice]]:
     """`distance`, `occlusion` and, where points were counted, `points`: the subsets that contain objects.
 
     Args:
@@ -74,7 +74,7 @@ def points_in_labels(result: Result, drive: Drive) -> np.ndarray:
     return points_in_rows(result.task.scored.labels, result.task.object_counts, result.task.scored.names, drive)
 
 
-def points_in_rows(table: Table, wanted: np.ndarray, names: Sequence[str], drive: Drive) -> np.ndarray:
+def points_in_rows(table: ScoreTable, wanted: np.ndarray, names: Sequence[str], drive: Drive) -> np.ndarray:
     """Count the points of the drive's scans in the selected boxes.
 
     Args:
@@ -105,7 +105,7 @@ def neighbouring_scans(labels: Path) -> Drive | None:
     return Drive(folder) if has_scans else None
 
 
-def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice]:
+def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[ScoreSlice]:
     task = result.task
     thresholds = result.thresholds[:: max(1, len(result.thresholds) // _STEPS)]
     assigned, false_positives = assign_detections(task, thresholds), count(task, thresholds).fp[:, 0]
@@ -125,5 +125,5 @@ def _parts(result: Result, part: np.ndarray, names: Sequence[str]) -> list[Slice
             where=expected_hits + false_positives > 0,
         )
         best = 100 * float(recall.max(initial=0.0))
-        result_slices.append(Slice(name, int(in_part.sum()), continuous_average(recall, precision), best))
+        result_slices.append(ScoreSlice(name, int(in_part.sum()), continuous_average(recall, precision), best))
     return result_slices

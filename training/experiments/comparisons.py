@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from training.evaluation.bootstrap import interval
-from training.experiments.run import Row
+from training.experiments.run import ExperimentRow
 
 _METRICS = {"3d": "3D", "bev": "from above"}
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ResultComparison:
     """Difference of two figures, R40 at moderate [%], with its 95 % interval."""
 
     name: str
@@ -38,7 +38,7 @@ class Comparison:
         return f"{self.name}: {self.gap:+.1f} ({self.low:+.1f} … {self.high:+.1f}), {self.verdict}"
 
 
-def gains(rows: Sequence[Row]) -> list[Comparison]:
+def gains(rows: Sequence[ExperimentRow]) -> list[ResultComparison]:
     """Changes by fine-tuning, for the rows that were fine-tuned."""
     comparisons = []
     for row in rows:
@@ -46,11 +46,11 @@ def gains(rows: Sequence[Row]) -> list[Comparison]:
             continue
         for metric, bounds in row.scores["gain_ci95"].items():
             gap = moderate(row.scores, metric) - moderate(row.scores["before"], metric)
-            comparisons.append(Comparison(f"{row.name}, {_METRICS[metric]}", gap, *bounds))
+            comparisons.append(ResultComparison(f"{row.name}, {_METRICS[metric]}", gap, *bounds))
     return comparisons
 
 
-def differences(rows: Sequence[Row]) -> list[Comparison]:
+def differences(rows: Sequence[ExperimentRow]) -> list[ResultComparison]:
     """Difference of each row from the best in 3D, for rows tested on the same frames."""
     scored_rows = [row for row in rows if row.scores is not None and row.scores["draws_3d_moderate"]]
     if not scored_rows:
@@ -63,7 +63,7 @@ def differences(rows: Sequence[Row]) -> list[Comparison]:
             continue
         draws = np.subtract(row.scores["draws_3d_moderate"], best.scores["draws_3d_moderate"])
         gap = moderate(row.scores, "3d") - moderate(best.scores, "3d")
-        comparisons.append(Comparison(f"{row.name} less {best.name}, 3D", gap, *interval(draws)))
+        comparisons.append(ResultComparison(f"{row.name} less {best.name}, 3D", gap, *interval(draws)))
     return comparisons
 
 

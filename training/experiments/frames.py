@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.drives.kitti import Drive
 from training.config import TrainConfig, parse_train_config
-from training.data.source import Source
+from training.data.source import FrameSource
 from training.errors import TrainingError
 from training.experiments.table import ExperimentTable
 
@@ -54,7 +54,7 @@ def tuned_config(config: TrainConfig, changes: dict[str, Any], where: str = "fin
     return parse_train_config({**config.model_dump(mode="json"), **_FINE_TUNING, **changes}, where)
 
 
-def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:
+def simulated_frames(variant: str, inputs: Inputs, split: str) -> FrameSource:
     """Frames of a list of a variant.
 
     Raises:
@@ -65,7 +65,7 @@ def simulated_frames(variant: str, inputs: Inputs, split: str) -> Source:
     return _list_source(inputs.variants / variant, split, variant)
 
 
-def real_frames(inputs: Inputs, split: str) -> Source:
+def real_frames(inputs: Inputs, split: str) -> FrameSource:
     """Frames of a list of the real frames.
 
     Raises:
@@ -76,13 +76,13 @@ def real_frames(inputs: Inputs, split: str) -> Source:
     return _list_source(inputs.real, split)
 
 
-def real_training_frames(table: ExperimentTable, inputs: Inputs) -> Source:
+def real_training_frames(table: ExperimentTable, inputs: Inputs) -> FrameSource:
     """Real training frames of a detector: all, or the few if there is no larger list."""
     use_full = inputs.real is not None and inputs.full in Drive(inputs.real).splits
     return real_frames(inputs, inputs.full if use_full and table.fine_tune != "few" else inputs.few)
 
 
-def match_steps(config: TrainConfig, source: Source, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
+def match_steps(config: TrainConfig, source: FrameSource, table: ExperimentTable, inputs: Inputs) -> TrainConfig:
     """Return the configuration for fewer frames than those of the variants: more epochs, equally many steps."""
     counts = [0]
     for variant in table.variants:
@@ -96,10 +96,10 @@ def match_steps(config: TrainConfig, source: Source, table: ExperimentTable, inp
     )
 
 
-def _list_source(folder: Path, split: str, variant: str = "") -> Source:
+def _list_source(folder: Path, split: str, variant: str = "") -> FrameSource:
     if not folder.is_dir():
         remedy = f"make it with cosim variants --variant {variant}" if variant else "name another folder with --real"
         raise MissingFramesError(f"no drive at {folder}: {remedy}")
     if split not in Drive(folder).splits:
         raise MissingFramesError(f"no list ImageSets/{split}.txt in {folder}")
-    return Source(drive=folder, split=split)
+    return FrameSource(drive=folder, split=split)

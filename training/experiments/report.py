@@ -18,8 +18,8 @@ from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import CAPTION, detection_pictures
 from training.evaluation.rules import DIFFICULTIES
-from training.experiments.comparisons import Comparison, averages, differences, gains
-from training.experiments.run import Row
+from training.experiments.comparisons import ResultComparison, averages, differences, gains
+from training.experiments.run import ExperimentRow
 from training.experiments.table import REAL, ExperimentTable
 
 _HEADS = ("easy", "moderate", "hard")
@@ -27,7 +27,7 @@ _GAINS = "Changes by fine-tuning"
 _DIFFERENCES = "Significance of differences"
 
 
-def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> Path:
+def write_report(table: ExperimentTable, rows: Sequence[ExperimentRow], folder: Path) -> Path:
     """Write `index.html`, `table.md` and `table.json` into the folder of the rows' detections."""
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -37,7 +37,7 @@ def write_report(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> P
     return folder / "index.html"
 
 
-def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
+def as_json(table: ExperimentTable, rows: Sequence[ExperimentRow]) -> dict[str, Any]:
     """`{"title", "rows": [{"name", "3d", "bev", "ci95", "before", "gain_ci95", "paper_3d", "reason"}]}`.
 
     R40 of cars in percent. `before`: 3d, bev and ci95 before fine-tuning; `gain_ci95`: of the differences at
@@ -55,7 +55,7 @@ def as_json(table: ExperimentTable, rows: Sequence[Row]) -> dict[str, Any]:
     return {"title": table.title, "rows": entries}
 
 
-def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
+def format_markdown(table: ExperimentTable, rows: Sequence[ExperimentRow]) -> str:
     """The table as Markdown."""
     groups = _groups(table)
     heads = [f"{group.title} {level}" for group in groups for level in _HEADS]
@@ -72,7 +72,7 @@ def format_markdown(table: ExperimentTable, rows: Sequence[Row]) -> str:
     return "\n".join([*lines, *absent]).rstrip() + "\n"
 
 
-def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> str:
+def format_page(table: ExperimentTable, rows: Sequence[ExperimentRow], folder: Path) -> str:
     """The page, with precision–recall curves and pictures of the rows that were run."""
     groups = _groups(table)
     group_heads = Markup().join(fill("<th colspan=3>{}</th>", group.title) for group in groups)
@@ -94,7 +94,7 @@ def format_page(table: ExperimentTable, rows: Sequence[Row], folder: Path) -> st
     return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
 
 
-def _tested_on(rows: Sequence[Row]) -> str:
+def _tested_on(rows: Sequence[ExperimentRow]) -> str:
     """Numbers of test frames and objects, if they are equal for all rows."""
     sizes = {
         (row.scores["frames"], row.scores["Car"]["3d"]["objects"][1])
@@ -112,14 +112,14 @@ def _row_head(table: ExperimentTable) -> str:
     return "tested on" if table.train_on == REAL else "trained on"
 
 
-def _label(table: ExperimentTable, row: Row) -> str:
+def _label(table: ExperimentTable, row: ExperimentRow) -> str:
     """Name of a row: that of the variant, or a description of the real frames."""
     if row.name != REAL:
         return row.name
     return "the few real frames only" if table.fine_tune == "few" else "real frames"
 
 
-def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str:
+def _html_row(table: ExperimentTable, row: ExperimentRow, groups: Sequence[_Group]) -> str:
     cells = []
     for group in groups:
         bounds = group.intervals(row)
@@ -131,7 +131,7 @@ def _html_row(table: ExperimentTable, row: Row, groups: Sequence[_Group]) -> str
     return fill("<tr><th>{}</th>{}</tr>", _label(table, row), Markup().join(cells))
 
 
-def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
+def _format_comparisons(title: str, compared: Sequence[ResultComparison]) -> str:
     if not compared:
         return ""
     lines = [
@@ -155,7 +155,7 @@ def _format_comparisons(title: str, compared: Sequence[Comparison]) -> str:
     )
 
 
-def _format_details(table: ExperimentTable, row: Row, folder: Path) -> str:
+def _format_details(table: ExperimentTable, row: ExperimentRow, folder: Path) -> str:
     """Curves and pictures of a row, from its stored detections."""
     assert row.scores is not None
     drive = Drive(Path(row.scores["settings"]["test"]["drive"]))
@@ -200,8 +200,8 @@ class _Group:
     """Three columns of the table: their title, and their values in a row."""
 
     title: str
-    values: Callable[[Row], Sequence[float] | None]
-    intervals: Callable[[Row], Sequence[Sequence[float]]] = lambda row: ()
+    values: Callable[[ExperimentRow], Sequence[float] | None]
+    intervals: Callable[[ExperimentRow], Sequence[Sequence[float]]] = lambda row: ()
 
 
 def _groups(table: ExperimentTable) -> list[_Group]:
@@ -215,10 +215,10 @@ def _groups(table: ExperimentTable) -> list[_Group]:
 
 
 def _measured_group(title: str, metric: str, when: str | None = None) -> _Group:
-    def scores(row: Row) -> dict[str, Any] | None:
+    def scores(row: ExperimentRow) -> dict[str, Any] | None:
         return row.scores if when is None else (row.scores or {}).get(when)
 
-    def intervals(row: Row) -> Sequence[Sequence[float]]:
+    def intervals(row: ExperimentRow) -> Sequence[Sequence[float]]:
         return (scores(row) or {"ci95": {}})["ci95"].get(metric, ())
 
     return _Group(title, lambda row: averages(scores(row), metric), intervals)

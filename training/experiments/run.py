@@ -17,7 +17,7 @@ import numpy as np
 from cosim.drives.writer import explained
 from training.checkpoints import load_detector
 from training.config import TrainConfig
-from training.data.source import Source
+from training.data.source import FrameSource
 from training.devices import find_device
 from training.evaluation import Evaluation
 from training.evaluation.as_json import as_json
@@ -45,7 +45,7 @@ Draws = Mapping[str, list[np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class ExperimentRow:
     """A row: its name, and its scores as JSON, or the reason why it was not run."""
 
     name: str
@@ -60,7 +60,7 @@ def run_table(
     on_row: Callable[[str], None] = lambda name: None,
     watcher: Watcher | None = None,
     only: Sequence[str] | None = None,
-) -> list[Row]:
+) -> list[ExperimentRow]:
     """Run the rows of a table, or only those in `only`; rows with missing frames contain the reason."""
     rows = []
     for row in table.rows:
@@ -70,11 +70,11 @@ def run_table(
         try:
             rows.append(_run_row(table, name, row, inputs, watcher))
         except MissingFramesError as missing:
-            rows.append(Row(row, reason=str(missing)))
+            rows.append(ExperimentRow(row, reason=str(missing)))
     return rows
 
 
-def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watcher: Watcher | None) -> Row:
+def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watcher: Watcher | None) -> ExperimentRow:
     test = real_frames(inputs, inputs.test) if table.test_on == REAL else simulated_frames(row, inputs, "val")
     config, detector_name = inputs.config, row
     if table.train_on == REAL or row == REAL:
@@ -91,7 +91,7 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
     finished = folder / f"{row}.json"
     before = _read_finished(finished, settings)
     if before is not None:
-        return Row(row, before)
+        return ExperimentRow(row, before)
     checkpoint = _train(inputs.out / "detectors" / detector_name, config, train_source, watcher)
     if tuned_on is None or tuning is None:
         scores = _summarise(*_score_detector(checkpoint, test, inputs, folder / row))
@@ -108,10 +108,10 @@ def _run_row(table: ExperimentTable, name: str, row: str, inputs: Inputs, watche
     scores |= {"frames": len(test.open()[1]), "settings": settings}
     with explained(finished):
         finished.write_text(json.dumps(scores, indent=1) + "\n", encoding="utf-8")
-    return Row(row, scores)
+    return ExperimentRow(row, scores)
 
 
-def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher | None) -> Path:
+def _train(folder: Path, config: TrainConfig, source: FrameSource, watcher: Watcher | None) -> Path:
     """Run or resume a training if it is not finished; returns its checkpoint."""
     config = config.model_copy(update={"train": (source,), "validate_on": ()})
     marker, settings = folder / "finished.json", config.model_dump(mode="json")
@@ -122,13 +122,13 @@ def _train(folder: Path, config: TrainConfig, source: Source, watcher: Watcher |
     return folder / CHECKPOINT
 
 
-def _row_settings(config: TrainConfig, train_source: Source, test: Source) -> dict[str, Any]:
+def _row_settings(config: TrainConfig, train_source: FrameSource, test: FrameSource) -> dict[str, Any]:
     """Settings that determine a row, to check whether a finished one is still valid."""
     frames = {"train": train_source.model_dump(mode="json"), "test": test.model_dump(mode="json")}
     return {**decisive_settings(config), **frames}
 
 
-def _tuning_settings(tuning: TrainConfig | None, tuned_on: Source | None) -> dict[str, Any]:
+def _tuning_settings(tuning: TrainConfig | None, tuned_on: FrameSource | None) -> dict[str, Any]:
     if tuning is None or tuned_on is None:
         return {}
     return {"fine_tuning": {**decisive_settings(tuning), "train": tuned_on.model_dump(mode="json")}}
@@ -142,7 +142,7 @@ def _read_finished(path: Path, settings: dict[str, Any]) -> dict[str, Any] | Non
 
 
 def _score_detector(
-    checkpoint: Path, test: Source, inputs: Inputs, folder: Path | None = None
+    checkpoint: Path, test: FrameSource, inputs: Inputs, folder: Path | None = None
 ) -> tuple[Evaluation, Draws]:
     """Score a detector; detectors tested on the same frames get the same bootstrap draws."""
     detector, classes = load_detector(checkpoint)

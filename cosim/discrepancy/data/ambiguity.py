@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from cosim.discrepancy.settings import Beams
+from cosim.discrepancy.settings import BeamSampling
 from sensors.hits import Hits
 from sensors.pattern import Pattern
 from sensors.rays import Rays
@@ -23,7 +23,7 @@ class Neighbours:
         rows: (2·reach + 2, n) int neighbours of each beam: previous 1, next 1, previous 2, …, above, below; −1: none.
     """
 
-    def __init__(self, rays: Rays, settings: Beams, reach: int = 2) -> None:
+    def __init__(self, rays: Rays, settings: BeamSampling, reach: int = 2) -> None:
         self._settings = settings
         bounds = np.searchsorted(rays.ring, np.arange(257))
         order = np.arange(len(rays))
@@ -131,7 +131,7 @@ class Neighbours:
 
 
 def widened(
-    edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float, settings: Beams
+    edge: np.ndarray, nearest_m: np.ndarray, pattern: Pattern, shift_m: float, turn_rad: float, settings: BeamSampling
 ) -> np.ndarray:
     """Widen edges by possible errors: mask (n,) of beams that are at an edge, or would be after a shift and rotation.
 
@@ -169,7 +169,7 @@ class _Planes:
         grazed: (n,) bool whether the beam is nearly parallel to its plane.
     """
 
-    def __init__(self, hits: Hits, settings: Beams) -> None:
+    def __init__(self, hits: Hits, settings: BeamSampling) -> None:
         rotation = hits.pose[:3, :3].astype(np.float32)
         self._solid, self._settings, self._normal = hits.solid, settings, hits.solid.normal
         self._exists = hits.solid.exists

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import intensity_unit
-from cosim.discrepancy.settings import DEFAULT, Beams
+from cosim.discrepancy.settings import DEFAULT, BeamSampling
 from cosim.drives.kitti import Drive
 from cosim.errors import DriveError
 
@@ -99,7 +99,7 @@ def drive_notes(drive: Drive, *, frames: int, bad: int, unmatched: int, has_inte
     return tuple(notes)
 
 
-def undetermined_effects(fitted: int, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
+def undetermined_effects(fitted: int, of_own_map: bool, settings: BeamSampling = DEFAULT.beams) -> tuple[str, ...]:
     """Names of effects that are not observable with this number of fitted scans, or with a map made from the scans."""
     return (
         *(_LIKE_POSES if fitted < settings.fewest_scans else ()),
@@ -107,7 +107,9 @@ def undetermined_effects(fitted: int, of_own_map: bool, settings: Beams = DEFAUL
     )
 
 
-def fit_notes(fitted: int, is_held_out: bool, of_own_map: bool, settings: Beams = DEFAULT.beams) -> tuple[str, ...]:
+def fit_notes(
+    fitted: int, is_held_out: bool, of_own_map: bool, settings: BeamSampling = DEFAULT.beams
+) -> tuple[str, ...]:
     """Notes on the number of fitted frames, on validation, and on a twin that is a map made from the scans."""
     notes = []
     if of_own_map:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.settings import DEFAULT, Beams
+from cosim.discrepancy.settings import DEFAULT, BeamSampling
 from cosim.drives.kitti import Drive, Frame, PointRays
 from cosim.errors import DriveError
 from sensors.pattern import Pattern
@@ -60,7 +60,7 @@ class Observed:
         return self.above_m - np.einsum("ij,ij->i", origin, upwards(self.rays.direction))
 
 
-def intensity_unit(drive: Drive, settings: Beams = DEFAULT.beams) -> float:
+def intensity_unit(drive: Drive, settings: BeamSampling = DEFAULT.beams) -> float:
     """Determine from the first scans the divisor that scales intensities to 0–1: 1, or 255 for bytes.
 
     Raises:
@@ -79,7 +79,9 @@ def intensity_unit(drive: Drive, settings: Beams = DEFAULT.beams) -> float:
     return 1.0
 
 
-def observe(frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, settings: Beams = DEFAULT.beams) -> Observed:
+def observe(
+    frame: Frame, pattern: Pattern, rays: Rays, unit: float = 1.0, settings: BeamSampling = DEFAULT.beams
+) -> Observed:
     """Assign the points of a frame to the beams of a pattern by ring and azimuth.
 
     Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.dictionary.covariates import Covariate, constant, sample_covariates
+from cosim.discrepancy.dictionary.covariates import SampleCovariate, constant, sample_covariates
 from cosim.discrepancy.dictionary.groups import Group, is_tested
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import object_groups
@@ -33,7 +33,7 @@ class Dictionary:
         tested: number of tested groups.
     """
 
-    covariates: dict[str, Covariate]
+    covariates: dict[str, SampleCovariate]
     explicit: list[Group]
     tested: int
 

@@ -20,7 +20,7 @@ _SAME_AZIMUTH = 0.98  # correlation of azimuth and firing time beyond which they
 
 
 @dataclass(frozen=True, eq=False)
-class Covariate:
+class SampleCovariate:
     """A covariate of all beams of a sample, and its bins.
 
     Attributes:
@@ -48,8 +48,8 @@ class Covariate:
     is_of_scan: bool = False
     is_of_neighbour: bool = False
     toward_next: np.ndarray | None = None
-    parts: tuple[Covariate, ...] = ()
-    original: Covariate | None = None
+    parts: tuple[SampleCovariate, ...] = ()
+    original: SampleCovariate | None = None
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -71,7 +71,7 @@ class Covariate:
         values, places = np.append(1 - share, share), np.append(column, other)
         return sparse.csr_matrix((values, (np.append(rows, rows), places)), shape)
 
-    def coarse(self, bins: int) -> Covariate:
+    def coarse(self, bins: int) -> SampleCovariate:
         """Merge bins to at most `bins`; categories are not merged."""
         if self.labels or len(self) <= bins:
             return self
@@ -80,11 +80,11 @@ class Covariate:
         total = np.bincount(index[index >= 0], self.values[index >= 0], bins)
         return replace(self, index=index, centres=total / count, toward_next=None, original=self)
 
-    def crossed(self, other: Covariate) -> Covariate:
+    def crossed(self, other: SampleCovariate) -> SampleCovariate:
         """Cross with another covariate; the bins of the other one vary fastest."""
         known = (self.index >= 0) & (other.index >= 0)
         index = np.where(known, self.index * len(other) + other.index, -1)
-        return Covariate(
+        return SampleCovariate(
             f"{self.name} x {other.name}",
             "",
             index.astype(float),
@@ -96,15 +96,15 @@ class Covariate:
         )
 
 
-def constant(sample: Sample) -> Covariate:
+def constant(sample: Sample) -> SampleCovariate:
     """Covariate with one bin for all beams."""
     zeros = np.zeros(len(sample))
-    return Covariate("constant", "", zeros, zeros.astype(int), np.zeros(1))
+    return SampleCovariate("constant", "", zeros, zeros.astype(int), np.zeros(1))
 
 
 def numeric(
     name: str, unit: str, values: np.ndarray, bins: int, period: float = 0.0, *, linear: bool = False, fewest: int = 2
-) -> Covariate | None:
+) -> SampleCovariate | None:
     """A covariate in bins of equal numbers of beams, or of equal width where it is cyclic; None with too few values.
 
     Args:
@@ -123,7 +123,7 @@ def numeric(
         low = np.floor(position).astype(int)
         centres = (np.arange(bins) + 0.5) / bins * period - period / 2
         index = np.where(known, low % bins, -1)
-        return Covariate(name, unit, values, index, centres, period=period, toward_next=position - low)
+        return SampleCovariate(name, unit, values, index, centres, period=period, toward_next=position - low)
     if len(distinct) <= bins:
         edges = (distinct[1:] + distinct[:-1]) / 2
     elif period:
@@ -134,13 +134,13 @@ def numeric(
     count = np.bincount(index[known], minlength=len(edges) + 1)
     centres = np.bincount(index[known], values[known], len(edges) + 1) / np.maximum(count, 1)
     if not linear or len(distinct) <= bins:
-        return Covariate(name, unit, values, index, centres, period=period)
+        return SampleCovariate(name, unit, values, index, centres, period=period)
     rank = np.interp(np.nan_to_num(values), centres, np.arange(float(len(centres))))
     low = np.minimum(rank.astype(int), len(centres) - 2)
-    return Covariate(name, unit, values, np.where(known, low, -1), centres, toward_next=rank - low)
+    return SampleCovariate(name, unit, values, np.where(known, low, -1), centres, toward_next=rank - low)
 
 
-def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int = 2) -> Covariate | None:
+def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int = 2) -> SampleCovariate | None:
     """A covariate of categories that occur; codes below 0 are unknown. None with fewer than `fewest` of them."""
     used = np.unique(codes[codes >= 0])
     if len(used) < fewest:
@@ -149,13 +149,13 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
     place[used] = np.arange(len(used))
     index = np.where(codes >= 0, place[np.maximum(codes, 0)], -1)
     labels = tuple(names[code] if code < len(names) else str(code) for code in used.tolist())
-    return Covariate(name, "", codes.astype(float), index, used.astype(float), labels)
+    return SampleCovariate(name, "", codes.astype(float), index, used.astype(float), labels)
 
 
-def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> list[Covariate]:
+def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> list[SampleCovariate]:
     """All covariates of a sample, in the coarse bins of the screening."""
     by = sample.settings.dictionary
-    found: list[Covariate | None] = []
+    found: list[SampleCovariate | None] = []
     for name, (unit, values, period) in _numbers(sample, expected, frames).items():
         bins = len(sample.names) if name == "frame_time" else by.bins
         fewest = by.fewest_values if name not in ("retro_distance", "object_distance") else 2
@@ -181,7 +181,7 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
     return [covariate for covariate in found if covariate is not None]
 
 
-def refined(covariate: Covariate, sample: Sample) -> Covariate:
+def refined(covariate: SampleCovariate, sample: Sample) -> SampleCovariate:
     """The covariate in the fine bins of a refit; piecewise linear for smooth quantities."""
     if covariate.parts:
         first, second = (part.original or part for part in covariate.parts)

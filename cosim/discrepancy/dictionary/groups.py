@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import sparse
 
-from cosim.discrepancy.dictionary.covariates import Covariate
+from cosim.discrepancy.dictionary.covariates import SampleCovariate
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
 from cosim.discrepancy.inference.score import QUANTITIES, Quantity, SparseMatrix, scaled
@@ -62,7 +62,7 @@ class Group:
     size: int
     columns: dict[Quantity, SparseMatrix] = field(default_factory=dict)
     basis: SparseMatrix | None = None
-    covariate: Covariate | None = None
+    covariate: SampleCovariate | None = None
     kept: np.ndarray | None = None
     one_sided: bool = False
     is_clustered_by_scan: bool = True
@@ -125,7 +125,7 @@ def basis_group(
     covariates: tuple[str, ...],
     basis: SparseMatrix,
     *,
-    covariate: Covariate | None = None,
+    covariate: SampleCovariate | None = None,
     kept: np.ndarray | None = None,
     is_clustered_by_scan: bool = True,
     frequency_hz: float = 0.0,
@@ -149,7 +149,7 @@ def basis_group(
     )
 
 
-def binned_group(linearisation: Linearisation, channel: str, covariate: Covariate, fewest: int) -> Group | None:
+def binned_group(linearisation: Linearisation, channel: str, covariate: SampleCovariate, fewest: int) -> Group | None:
     """Build the group of a channel by the bins of a covariate with at least `fewest` informative beams.
 
     Returns None without enough bins: one for a constant or the mean of a class of objects, two for others.
@@ -165,7 +165,7 @@ def binned_group(linearisation: Linearisation, channel: str, covariate: Covariat
     )
 
 
-def is_tested(channel: str, covariate: Covariate) -> bool:
+def is_tested(channel: str, covariate: SampleCovariate) -> bool:
     """Whether a channel is tested against a covariate.
 
     Excluded: covariates that contain the beam's own noise or the same spurious returns, and angle errors by properties

@@ -30,7 +30,7 @@ Scores = dict[Quantity, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class LinearisedChannel:
     """A channel: a way in which the prediction of a beam can change.
 
     Attributes:
@@ -64,7 +64,7 @@ class Linearisation:
     frames: tuple[TracedFrame, ...]
     adjusted: Prediction
     evidence: Evidence
-    channels: dict[str, Channel]
+    channels: dict[str, LinearisedChannel]
     mixed: LinearModel
 
     @property
@@ -108,20 +108,20 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
 
 
-def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str, Channel]:
+def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str, LinearisedChannel]:
     ones, angles = np.ones(len(sample)), angle_derivatives(sample)
     channels = [
-        Channel("range", "range", ones),
-        *(Channel(name, "range", angles[name]) for name in ANGLES),
-        Channel("drop", "drop", fitted.prediction.seen),
-        Channel("range_variance", "range_variance", ones),
-        *(Channel(name, name, ones, one_sided=True) for name in SPURIOUS),
+        LinearisedChannel("range", "range", ones),
+        *(LinearisedChannel(name, "range", angles[name]) for name in ANGLES),
+        LinearisedChannel("drop", "drop", fitted.prediction.seen),
+        LinearisedChannel("range_variance", "range_variance", ones),
+        *(LinearisedChannel(name, name, ones, one_sided=True) for name in SPURIOUS),
     ]
     if sample.has_intensity:
         channels += [
-            Channel("intensity", "intensity", adjusted.intensity),
-            Channel("intensity_offset", "intensity", ones),
-            Channel("intensity_variance", "intensity_variance", ones),
+            LinearisedChannel("intensity", "intensity", adjusted.intensity),
+            LinearisedChannel("intensity_offset", "intensity", ones),
+            LinearisedChannel("intensity_variance", "intensity_variance", ones),
         ]
     return {channel.name: channel for channel in channels}
 

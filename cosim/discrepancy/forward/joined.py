@@ -24,7 +24,7 @@ class NeedsOneFrameError(Exception):
     """An effect needs data that differ between frames, such as a world or a time."""
 
 
-class Replay:
+class SampleReplay:
     """Beams of several frames, concatenated.
 
     Args:

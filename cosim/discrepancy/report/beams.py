@@ -14,7 +14,7 @@ from cosim.discrepancy.settings import Settings
 
 
 @dataclass(frozen=True)
-class Layout:
+class PageLayout:
     """Numbers of charts and tables; they have no influence on findings."""
 
     bins: int = 20  # bins of a covariate
@@ -34,7 +34,7 @@ class Layout:
     cut_off: float = 3.0  # σ from a limit of intensity within which values may be censored
 
 
-LAYOUT = Layout()
+LAYOUT = PageLayout()
 
 
 MATCHED, AMBIGUOUS, DROPPED, SPURIOUS, UNFORESEEN, SILENT = range(6)
@@ -47,7 +47,7 @@ _OF_SCANS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class BeamColumn:
     """A covariate of n beams.
 
     Attributes:
@@ -77,7 +77,7 @@ class Rows:
         settings: settings that the frames were traced with.
     """
 
-    covariates: dict[str, Column]
+    covariates: dict[str, BeamColumn]
     cluster: np.ndarray
     before_cluster: np.ndarray
     frame: np.ndarray
@@ -102,7 +102,7 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class ShownScan:
     """All beams of one frame.
 
     Attributes:
@@ -120,13 +120,13 @@ class Scan:
     elevation_rad: np.ndarray
     azimuth_rad: np.ndarray
     measured_m: np.ndarray
-    covariates: dict[str, Column]
+    covariates: dict[str, BeamColumn]
     before: Side
     after: Side
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
+class BeamResiduals:
     """Data of validation frames for a page.
 
     Attributes:
@@ -136,11 +136,11 @@ class Beams:
     """
 
     rows: Rows
-    scans: tuple[Scan, ...]
+    scans: tuple[ShownScan, ...]
     is_one: bool
 
     @classmethod
-    def of(cls, frame_pairs: FramePairs, shown: int, seed: int = 0) -> Beams:
+    def of(cls, frame_pairs: FramePairs, shown: int, seed: int = 0) -> BeamResiduals:
         """Collect the data of validation frames, `shown` of them as a whole; `seed` is for the sampling of rows."""
         has_poses = "poses" not in frame_pairs.before_parts
         parts: list[Rows] = []
@@ -190,22 +190,22 @@ def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.nda
     return np.where(used & (sigma > 0), square, np.nan)
 
 
-def columns_of(aligned: AlignedFrame, number: int = 0) -> dict[str, Column]:
+def columns_of(aligned: AlignedFrame, number: int = 0) -> dict[str, BeamColumn]:
     """Covariates (n,) of a frame's beams; `number` is the number of the frame."""
     count = len(aligned.sample)
-    columns: dict[str, Column] = {}
+    columns: dict[str, BeamColumn] = {}
     for covariate in sample_covariates(aligned.sample, aligned.prediction, (aligned.frame,)):
         values = covariate.values.astype(np.float32)
         if covariate.labels and covariate.name != "ring":
             values = np.where(covariate.index >= 0, values, np.nan).astype(np.float32)
             names = dict(zip(covariate.centres.astype(int).tolist(), covariate.labels, strict=True))
             words = tuple(names.get(code, "") for code in range(max(names) + 1))
-            columns[covariate.name] = Column(covariate.unit, values, words)
+            columns[covariate.name] = BeamColumn(covariate.unit, values, words)
         else:
-            columns[covariate.name] = Column(covariate.unit, values)
+            columns[covariate.name] = BeamColumn(covariate.unit, values)
     for name, (value, unit) in _OF_SCANS.items():
-        columns[name] = Column(unit, np.full(count, aligned.sample.scan_values[value][0], np.float32))
-    columns["scan"] = Column("", np.full(count, number, np.float32))
+        columns[name] = BeamColumn(unit, np.full(count, aligned.sample.scan_values[value][0], np.float32))
+    columns["scan"] = BeamColumn("", np.full(count, number, np.float32))
     return columns
 
 
@@ -215,7 +215,9 @@ def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random
     sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * LAYOUT.sectors).astype(int) % LAYOUT.sectors
     columns = columns_of(after, number)
     return Rows(
-        covariates={name: Column(column.unit, column.values[used], column.names) for name, column in columns.items()},
+        covariates={
+            name: BeamColumn(column.unit, column.values[used], column.names) for name, column in columns.items()
+        },
         cluster=number * LAYOUT.sectors + sector,
         before_cluster=np.full(len(used), number) if has_poses else number * LAYOUT.sectors + sector,
         frame=np.full(len(used), number),
@@ -238,7 +240,7 @@ def _concatenate(parts: Sequence[Rows]) -> Rows:
     )
 
 
-def _concatenate_column(columns: Sequence[Column | None], parts: Sequence[Rows]) -> Column:
+def _concatenate_column(columns: Sequence[BeamColumn | None], parts: Sequence[Rows]) -> BeamColumn:
     """Concatenate a column over all frames; categories are numbered as in `joined_names`."""
     present = [column for column in columns if column is not None]
     words = joined_names(present)
@@ -246,10 +248,10 @@ def _concatenate_column(columns: Sequence[Column | None], parts: Sequence[Rows])
         np.full(len(rows.frame), np.nan, np.float32) if column is None else renumbered(column, words)
         for column, rows in zip(columns, parts, strict=True)
     ]
-    return Column(present[0].unit, np.concatenate(values), words)
+    return BeamColumn(present[0].unit, np.concatenate(values), words)
 
 
-def joined_names(columns: Sequence[Column]) -> tuple[str, ...]:
+def joined_names(columns: Sequence[BeamColumn]) -> tuple[str, ...]:
     """Unique names of the categories of several columns; in the original order if it is the same in all."""
     longest = max(columns, key=lambda column: len(column.names)).names
     if all(not a or not b or a == b for column in columns for a, b in zip(column.names, longest, strict=False)):
@@ -261,7 +263,7 @@ def joined_names(columns: Sequence[Column]) -> tuple[str, ...]:
     return tuple(sorted({word for column in columns for word in column.names if word}))
 
 
-def renumbered(column: Column, words: tuple[str, ...]) -> np.ndarray:
+def renumbered(column: BeamColumn, words: tuple[str, ...]) -> np.ndarray:
     """(n,) values of a column, with categories numbered by their position in `words`."""
     if not words:
         return column.values
@@ -271,12 +273,12 @@ def renumbered(column: Column, words: tuple[str, ...]) -> np.ndarray:
     return places[np.minimum(code, len(column.names))]
 
 
-def _scan(before: AlignedFrame, after: AlignedFrame) -> Scan:
+def _scan(before: AlignedFrame, after: AlignedFrame) -> ShownScan:
     pattern, rays = after.frame.shot.pattern, after.frame.observed.rays
     first = np.arange(pattern.rings) * pattern.firings
     direction = rays.direction[first].astype(float)
     fan = np.radians(np.array(pattern.azimuth_offset_deg, float))
-    return Scan(
+    return ShownScan(
         name=after.frame.name,
         rings=pattern.rings,
         firings=pattern.firings,

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cosim.discrepancy.quantities import Shown, shown
-from cosim.discrepancy.report.beams import LAYOUT, Column, Rows, Scan, renumbered
+from cosim.discrepancy.quantities import QuantityStyle, shown
+from cosim.discrepancy.report.beams import LAYOUT, BeamColumn, Rows, ShownScan, renumbered
 from cosim.report.binned import quantile_edges
 
 NO_BIN = 255
@@ -37,7 +37,7 @@ class Bins:
     """
 
     name: str
-    shown: Shown
+    shown: QuantityStyle
     edges: np.ndarray
     codes: np.ndarray
     names: tuple[str, ...]
@@ -78,12 +78,12 @@ class Bins:
         code = np.where(known, np.nan_to_num(values), -1).astype(int)
         return row[np.where((code >= 0) & (code < len(row)), code, len(row) - 1)]
 
-    def of_scan(self, scan: Scan) -> np.ndarray:
+    def of_scan(self, scan: ShownScan) -> np.ndarray:
         """(n,) uint8 bin of each beam of a scan."""
         column = scan.covariates.get(self.name)
         if column is None:
             return np.full(len(scan.measured_m), NO_BIN, np.uint8)
-        return self.place(renumbered(Column(column.unit, column.values, column.names), self.names))
+        return self.place(renumbered(BeamColumn(column.unit, column.values, column.names), self.names))
 
     def words(self) -> tuple[str, ...]:
         """Description of each bin."""

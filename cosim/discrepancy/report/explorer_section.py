@@ -9,9 +9,9 @@ from importlib.resources import files
 from markupsafe import Markup
 
 from cosim.discrepancy.budget import FramePairs
-from cosim.discrepancy.report.beams import Beams
+from cosim.discrepancy.report.beams import BeamResiduals
 from cosim.discrepancy.report.bins import USUAL, Bins, bins_of
-from cosim.discrepancy.report.residual_charts import Chart, all_charts, draw_chart, scale_of
+from cosim.discrepancy.report.residual_charts import ResidualChart, all_charts, draw_chart, scale_of
 from cosim.discrepancy.report.scan_view import scan_view
 from cosim.report import button, legend, section
 from cosim.report.html import fill
@@ -27,17 +27,17 @@ class Explored:
         charts: charts by channel.
     """
 
-    beams: Beams
+    beams: BeamResiduals
     bins: dict[str, Bins]
-    charts: dict[str, list[Chart]]
+    charts: dict[str, list[ResidualChart]]
 
     @classmethod
     def of(cls, frame_pairs: FramePairs | None, shown: int, more: Collection[str] = ()) -> Explored | None:
         """Residuals of validation frames, `shown` of them as whole scans; `more`: further covariates."""
-        return None if frame_pairs is None else cls.of_beams(Beams.of(frame_pairs, shown), more)
+        return None if frame_pairs is None else cls.of_beams(BeamResiduals.of(frame_pairs, shown), more)
 
     @classmethod
-    def of_beams(cls, beams: Beams, more: Collection[str] = ()) -> Explored:
+    def of_beams(cls, beams: BeamResiduals, more: Collection[str] = ()) -> Explored:
         """Residuals of gathered beams."""
         bins = bins_of(beams.rows, (*USUAL, *more))
         return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
@@ -67,7 +67,7 @@ def explorer_section(explored: Explored | None, sides: Sequence[str], *, text: s
     return section("Residuals beam by beam", body, text=text, anchor="residuals")
 
 
-def _panel(charts: Sequence[Chart], is_shown: bool) -> str:
+def _panel(charts: Sequence[ResidualChart], is_shown: bool) -> str:
     top, channel = scale_of(charts), charts[0].channel
     figures = Markup().join(draw_chart(chart, top) for chart in charts)
     hidden = "" if is_shown else Markup(" hidden")

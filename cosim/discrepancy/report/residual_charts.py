@@ -15,7 +15,7 @@ from cosim.report.plot import Axis, Plot
 
 
 @dataclass(frozen=True)
-class Channel:
+class ResidualChannel:
     """Display of a channel's residuals.
 
     Attributes:
@@ -44,17 +44,17 @@ class Channel:
 CHANNELS = {
     channel.name: channel
     for channel in (
-        Channel("range", "Ranges", 100.0, "cm", "measured − model (cm)",
+        ResidualChannel("range", "Ranges", 100.0, "cm", "measured − model (cm)",
                 "Above zero: measured farther than the model.", 0.1),
-        Channel("intensity", "Intensities", 1.0, "", "measured − model",
+        ResidualChannel("intensity", "Intensities", 1.0, "", "measured − model",
                 "Above zero: measured brighter than the model.", 0.003),
-        Channel("drop", "Returns", 100.0, "%", "returned − expected (%)",
+        ResidualChannel("drop", "Returns", 100.0, "%", "returned − expected (%)",
                 "Below zero: the model predicts returns that are missing.", 0.3),
-        Channel("spurious", "Spurious returns", 1000.0, "‰", "spurious − expected (‰ of beams)",
+        ResidualChannel("spurious", "Spurious returns", 1000.0, "‰", "spurious − expected (‰ of beams)",
                 "Above zero: more spurious returns than the model predicts.", 0.3),
-        Channel("range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
+        ResidualChannel("range_variance", "Spread of ranges", 100.0, "%", "variance beyond the model’s (%)",
                 "Above zero: ranges scatter more than the model predicts.", 5.0),
-        Channel("intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
+        ResidualChannel("intensity_variance", "Spread of intensities", 100.0, "%", "variance beyond the model’s (%)",
                 "Above zero: intensities scatter more than the model predicts.", 5.0),
     )
 }  # fmt: skip
@@ -68,7 +68,7 @@ _OF_SPURIOUS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class ResidualChart:
     """One channel by one covariate.
 
     Attributes:
@@ -77,7 +77,7 @@ class Chart:
         before, after: means by bin, in the channel's unit; `before` is None if both are the same.
     """
 
-    channel: Channel
+    channel: ResidualChannel
     bins: Bins
     before: Binned | None
     after: Binned
@@ -88,9 +88,9 @@ class Chart:
         return self.before or self.after
 
 
-def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[Chart]]:
+def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, list[ResidualChart]]:
     """Charts of every covariate by channel, the largest first; without channels that are absent."""
-    found: dict[str, list[Chart]] = {}
+    found: dict[str, list[ResidualChart]] = {}
     for name in USUAL_CHANNELS:
         wanted = [item for item in bins.values() if name != "spurious" or item.name in _OF_SPURIOUS]
         candidates = (build_chart(rows, name, item, is_one) for item in wanted)
@@ -102,7 +102,7 @@ def all_charts(rows: Rows, bins: Mapping[str, Bins], is_one: bool) -> dict[str, 
     return found
 
 
-def build_chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | None:
+def build_chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> ResidualChart | None:
     """Build the chart of a channel by a covariate; None with fewer than two bins."""
     kind = CHANNELS[channel]
     values = rows.covariates[bins.name].values
@@ -117,10 +117,10 @@ def build_chart(rows: Rows, channel: str, bins: Bins, is_one: bool) -> Chart | N
         return None
     before = None if is_one else means(rows.before[channel], rows.before_cluster)
     before = before if before is not None and len(before.bin) > 1 else None
-    return Chart(kind, bins, before, after)
+    return ResidualChart(kind, bins, before, after)
 
 
-def scale_of(charts: Sequence[Chart]) -> float:
+def scale_of(charts: Sequence[ResidualChart]) -> float:
     """Common scale of all charts of a channel; at least three times the smallest relevant size."""
     reach = []
     for item in charts:
@@ -132,18 +132,18 @@ def scale_of(charts: Sequence[Chart]) -> float:
     return 1.1 * max([*reach, 3 * charts[0].channel.clear])
 
 
-def draw_chart(chart: Chart, top: float) -> str:
+def draw_chart(chart: ResidualChart, top: float) -> str:
     """HTML of a chart with its caption."""
     return figure(f"by {chart.bins.shown.words.split(',')[0]}", _caption(chart), _svg(chart, top))
 
 
-def _caption(chart: Chart) -> str:
+def _caption(chart: ResidualChart) -> str:
     """Root mean squares of the means of the bins, without their noise."""
     after = chart.channel.text(chart.after.size)
     return f"±{after}" if chart.before is None else f"±{chart.channel.text(chart.before.size)} → ±{after}"
 
 
-def _svg(chart: Chart, top: float) -> str:
+def _svg(chart: ResidualChart, top: float) -> str:
     bins, channel = chart.bins, chart.channel
     sides = [(style, side) for style, side in (("b", chart.before), ("a", chart.after)) if side is not None]
     if bins.names:
@@ -162,7 +162,7 @@ def _svg(chart: Chart, top: float) -> str:
     return plot.svg()
 
 
-def _of_names(chart: Chart, sides: Sequence[tuple[str, Binned]], top: float) -> str:
+def _of_names(chart: ResidualChart, sides: Sequence[tuple[str, Binned]], top: float) -> str:
     bins, channel = chart.bins, chart.channel
     kept = sides[-1][1].bin.tolist()
     words = [bins.words()[number] for number in kept]
@@ -191,7 +191,7 @@ def _ends(bins: Bins, x: Axis) -> dict[int, tuple[float, float]]:
     return {row: (float(edges[row]), float(edges[row + 1])) for row in range(len(bins))}
 
 
-def _targets(plot: Plot, chart: Chart, ends: Mapping[int, tuple[float, float]]) -> None:
+def _targets(plot: Plot, chart: ResidualChart, ends: Mapping[int, tuple[float, float]]) -> None:
     """Add a clickable strip over each bin that shows its beams."""
     words = chart.bins.words()
     for row, number in enumerate(chart.after.bin.tolist()):
@@ -207,7 +207,7 @@ def _targets(plot: Plot, chart: Chart, ends: Mapping[int, tuple[float, float]]) 
         )  # fmt: skip
 
 
-def _signed(chart: Chart, side: Binned, row: int) -> str:
+def _signed(chart: ResidualChart, side: Binned, row: int) -> str:
     sign = "+" if side.mean[row] >= 0 else "−"
     return f"{sign}{chart.channel.text(abs(side.mean[row]))}"
 

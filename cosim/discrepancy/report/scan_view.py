@@ -12,7 +12,17 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cosim.discrepancy.report.beams import AMBIGUOUS, DROPPED, LAYOUT, MATCHED, SILENT, SPURIOUS, UNFORESEEN, Scan, Side
+from cosim.discrepancy.report.beams import (
+    AMBIGUOUS,
+    DROPPED,
+    LAYOUT,
+    MATCHED,
+    SILENT,
+    SPURIOUS,
+    UNFORESEEN,
+    ShownScan,
+    Side,
+)
 from cosim.discrepancy.report.bins import Bins
 from cosim.report import button, legend
 from cosim.report.html import fill
@@ -34,7 +44,7 @@ _STATES = {
 }
 
 
-def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[str]) -> str:
+def scan_view(scans: Sequence[ShownScan], bins: Mapping[str, Bins], sides: Sequence[str]) -> str:
     """Build the HTML of the buttons, both pictures, and their data.
 
     Args:
@@ -74,7 +84,7 @@ def scan_view(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: Sequence[s
     )
 
 
-def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2) -> dict[str, Any]:
+def packed_scans(scans: Sequence[ShownScan], bins: Mapping[str, Bins], sides: int = 2) -> dict[str, Any]:
     """Data for the script as plain values; the arrays of a scan are concatenated, gzipped and base64-encoded."""
     return {
         "channels": {
@@ -96,7 +106,7 @@ def packed_scans(scans: Sequence[Scan], bins: Mapping[str, Bins], sides: int = 2
     }
 
 
-def _packed(scan: Scan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
+def _packed(scan: ShownScan, bins: Mapping[str, Bins], sides: int) -> dict[str, Any]:
     every = max(1, -(-scan.rings * scan.firings // LAYOUT.beams))
     columns = -(-scan.firings // every)
     arrays: list[tuple[str, np.ndarray]] = [
@@ -138,11 +148,11 @@ def _steps(values: np.ndarray, step: float, absent: int, kind: str) -> np.ndarra
     return np.where(np.isfinite(values), whole, absent).astype(kind)
 
 
-def _thinned(values: np.ndarray, scan: Scan, every: int) -> np.ndarray:
+def _thinned(values: np.ndarray, scan: ShownScan, every: int) -> np.ndarray:
     return np.ascontiguousarray(values.reshape(scan.rings, scan.firings)[:, ::every]).ravel()
 
 
-def _limit(scans: Sequence[Scan], name: str) -> float:
+def _limit(scans: Sequence[ShownScan], name: str) -> float:
     """Round limit above the 95 % quantile of absolute residuals, before and after."""
     sizes = np.concatenate([np.abs(side.residuals[name]) for scan in scans for side in (scan.before, scan.after)])
     sizes = sizes[np.isfinite(sizes)]

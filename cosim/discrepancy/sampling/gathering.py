@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.forward.joined import Replay
+from cosim.discrepancy.forward.joined import SampleReplay
 from cosim.discrepancy.forward.replay import FrameReplay
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import Sampling
@@ -56,7 +56,7 @@ def gather_sample(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sam
         model=model,
         models=models,
         neighbour_values=beside,
-        replay=Replay(replays),
+        replay=SampleReplay(replays),
         settings=frames[0].settings,
         names=tuple(frame.name for frame in frames),
         track=track,

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cosim.discrepancy.forward.joined import Replay
+from cosim.discrepancy.forward.joined import SampleReplay
 from cosim.discrepancy.forward.replay import Expected, FrameReplay
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
@@ -101,7 +101,7 @@ class Sample:
         settings: settings that the frames were traced with.
     """
 
-    replay: Replay
+    replay: SampleReplay
     frame: np.ndarray
     beam: np.ndarray
     names: tuple[str, ...]

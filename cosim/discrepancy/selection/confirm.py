@@ -15,11 +15,11 @@ from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.score import ridged, stacked
 from cosim.discrepancy.selection.calibration import random_signs, surprise
-from cosim.discrepancy.selection.refit import Model
+from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.settings import Selection
 
 
-def p_about_fit(model: Model, group: Group, tested: int, settings: Selection, rng: np.random.Generator) -> float:
+def p_about_fit(model: FittedModel, group: Group, tested: int, settings: Selection, rng: np.random.Generator) -> float:
     """Family-wise p-value of the term that was fitted last, corrected for the number of hypotheses (Bonferroni).
 
     Args:
@@ -52,7 +52,7 @@ def p_about_fit(model: Model, group: Group, tested: int, settings: Selection, rn
     return min(worst * tested, 1.0)
 
 
-def _index(model: Model, group: Group) -> tuple[int | None, np.ndarray]:
+def _index(model: FittedModel, group: Group) -> tuple[int | None, np.ndarray]:
     """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
     fitted = model.fitted
     if not group.is_effect:

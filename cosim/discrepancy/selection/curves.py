@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim.discrepancy.dictionary.covariates import Covariate
+from cosim.discrepancy.dictionary.covariates import SampleCovariate
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import AXES, PLACES
@@ -114,7 +114,7 @@ def _binned_curve(group: Group, y: np.ndarray, sigma: np.ndarray, p_value: float
     )
 
 
-def _axis(covariate: Covariate, kept: np.ndarray) -> np.ndarray | tuple[str, ...]:
+def _axis(covariate: SampleCovariate, kept: np.ndarray) -> np.ndarray | tuple[str, ...]:
     if covariate.labels:
         return tuple(covariate.labels[row] for row in kept)
     return covariate.centres[kept]

@@ -10,7 +10,7 @@ import numpy as np
 from cosim.discrepancy.analysis import FittedFrames
 from cosim.discrepancy.candidates import with_values
 from cosim.discrepancy.data.frames import TracedFrame
-from cosim.discrepancy.dictionary.covariates import Covariate, constant, refined, sample_covariates
+from cosim.discrepancy.dictionary.covariates import SampleCovariate, constant, refined, sample_covariates
 from cosim.discrepancy.dictionary.groups import Group, binned_group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.objects import object_groups
@@ -45,7 +45,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class FittedModel:
     """A fitted model on the frames of the analysis.
 
     Attributes:
@@ -79,8 +79,8 @@ class Model:
 
 
 def refit_with(
-    model: Model, linearisation: Linearisation, group: Group, coefficients: np.ndarray, *, fine: bool, steps: int
-) -> tuple[Model, Group]:
+    model: FittedModel, linearisation: Linearisation, group: Group, coefficients: np.ndarray, *, fine: bool, steps: int
+) -> tuple[FittedModel, Group]:
     """Fit a model with one group more, without its entry among the terms; and the group in the bins that were fitted.
 
     Args:
@@ -110,7 +110,7 @@ def refit_with(
     return replace(model, fitted=after), group
 
 
-def refit_without(model: Model, term: Term, initial: Sequence[Effect], steps: int) -> Model:
+def refit_without(model: FittedModel, term: Term, initial: Sequence[Effect], steps: int) -> FittedModel:
     """Fit a model without one of its terms; an effect that the sensor had gets its initial parameters.
 
     Args:
@@ -134,7 +134,7 @@ def refit_without(model: Model, term: Term, initial: Sequence[Effect], steps: in
 
 
 def fit_again(
-    model: Model, effects: tuple[Effect, ...], free: Sequence[int], dependences: Sequence[Dependence], steps: int
+    model: FittedModel, effects: tuple[Effect, ...], free: Sequence[int], dependences: Sequence[Dependence], steps: int
 ) -> Fitted:
     """Fit effects and dependences from where the random effects of a model are."""
     fitter = model.fitter
@@ -144,7 +144,7 @@ def fit_again(
     )  # fmt: skip
 
 
-def rebuild(model: Model, on: FittedFrames) -> Model:
+def rebuild(model: FittedModel, on: FittedFrames) -> FittedModel:
     """The model on frames that were traced again: its dependences get bases of the new sample and are fitted.
 
     Args:
@@ -169,7 +169,7 @@ def rebuild(model: Model, on: FittedFrames) -> Model:
     return replace(bare, terms=tuple(terms))
 
 
-def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str, Covariate]) -> Group | None:
+def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str, SampleCovariate]) -> Group | None:
     """A dependence on another sample of the same drive; None where the sample has no such covariate."""
     sample = linearisation.sample
     fewest = max(sample.settings.dictionary.fewest_in_cell // 2, 1)
@@ -200,7 +200,7 @@ def finest(linearisation: Linearisation, group: Group) -> Group:
     return group if found is None or found.size < group.size else found
 
 
-def _with_effect(model: Model, group: Group, coefficients: np.ndarray) -> tuple[tuple[Effect, ...], int]:
+def _with_effect(model: FittedModel, group: Group, coefficients: np.ndarray) -> tuple[tuple[Effect, ...], int]:
     """Effects with the candidate at the most likely of a few strengths, and its index."""
     tangent, fitter, fitted = group.tangent, model.fitter, model.fitted
     assert tangent is not None  # of an effect

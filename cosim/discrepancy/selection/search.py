@@ -17,7 +17,7 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
-from cosim.discrepancy.selection.refit import Model, Term, refit_with, refit_without
+from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with, refit_without
 from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
@@ -28,7 +28,7 @@ _SAME_HZ = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class SelectionEvidence:
     """What the scores about a model show.
 
     Attributes:
@@ -66,7 +66,7 @@ class Evidence:
         return sorted(both, key=lambda result: -result.gain)
 
 
-def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, seed: int) -> Evidence:
+def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Settings, seed: int) -> SelectionEvidence:
     """Linearise about a model and test every hypothesis.
 
     Args:
@@ -85,19 +85,19 @@ def gather_evidence(model: Model, effects: Sequence[Group], settings: Settings, 
     entries += score_shared(linearisation, shared, model.shared, projector)
     tested = dictionary.tested + len(shared)
     results = evaluate(entries, by, rng, max(tested / max(len(entries), 1), 1.0))
-    return Evidence(linearisation, dictionary, results)
+    return SelectionEvidence(linearisation, dictionary, results)
 
 
 def select_terms(
-    model: Model,
-    tangents: Callable[[Linearisation, Model], Sequence[Group]],
+    model: FittedModel,
+    tangents: Callable[[Linearisation, FittedModel], Sequence[Group]],
     initial: Sequence[Effect],
     settings: Settings,
     seed: int,
-    retrace: Callable[[Model], Model],
+    retrace: Callable[[FittedModel], FittedModel],
     on_progress: Callable[[str], None],
-    on_first: Callable[[Evidence], None] = lambda _: None,
-) -> tuple[Model, Evidence]:
+    on_first: Callable[[SelectionEvidence], None] = lambda _: None,
+) -> tuple[FittedModel, SelectionEvidence]:
     """Add the best term, refit, delete superfluous ones, and repeat until no significant term is left.
 
     Args:
@@ -144,12 +144,12 @@ def select_terms(
 
 
 def drop_superfluous(
-    model: Model,
+    model: FittedModel,
     initial: Sequence[Effect],
     settings: Settings,
     rejected: set[str],
     on_progress: Callable[[str], None] = lambda _: None,
-) -> Model:
+) -> FittedModel:
     """The model without the terms that the latest one has made superfluous; their names go to `rejected`."""
     for term in [term for term in model.terms[:-1] if not term.group.is_shared]:
         if term.group.channel in SPREADS:
@@ -172,7 +172,7 @@ def _same_effects(names: frozenset[str], candidates: Sequence[GroupTest]) -> fro
     return names | {result.group.name for result in candidates if result.group.effect_name in effects}
 
 
-def is_explained(group: Group, model: Model) -> bool:
+def is_explained(group: Group, model: FittedModel) -> bool:
     """Whether the same dependence was selected already, in these or other bins: fitting it again changes nothing.
 
     A selected shared error also explains what neighbours measured of the same channel.
@@ -189,7 +189,7 @@ def is_explained(group: Group, model: Model) -> bool:
     return any(other.covariate is not None and set(other.covariates) == set(group.covariates) for other in selected)
 
 
-def needed_gain(group: Group, model: Model, settings: Settings) -> float:
+def needed_gain(group: Group, model: FittedModel, settings: Settings) -> float:
     """Log-likelihood that a term must gain: the first one little, a follower more than what fits are exact to.
 
     Bins approximate an unknown function, so that a share of what a dependence gains is left to others of its family;
@@ -238,8 +238,12 @@ class _Trial:
 
 
 def _choose(
-    model: Model, evidence: Evidence, candidates: Sequence[GroupTest], rejected: Collection[str], settings: Settings
-) -> tuple[Model, GroupTest] | frozenset[str]:
+    model: FittedModel,
+    evidence: SelectionEvidence,
+    candidates: Sequence[GroupTest],
+    rejected: Collection[str],
+    settings: Settings,
+) -> tuple[FittedModel, GroupTest] | frozenset[str]:
     """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
@@ -288,7 +292,9 @@ def _choose(
     return replace(after, terms=(*model.terms, term)), result
 
 
-def _best_alias(model: Model, evidence: Evidence, best: Model, group: Group) -> tuple[Model, Group]:
+def _best_alias(
+    model: FittedModel, evidence: SelectionEvidence, best: FittedModel, group: Group
+) -> tuple[FittedModel, Group]:
     """Choose the most likely of the frequencies that the interval between scans does not separate."""
     linearisation = evidence.linearisation
     time_s = np.sort(linearisation.sample.scan_values["time_s"])

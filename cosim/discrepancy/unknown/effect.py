@@ -13,8 +13,8 @@ from cosim.discrepancy.unknown.families import FAMILIES
 from cosim.discrepancy.unknown.formula import Formula, explained_share, weights
 from cosim.discrepancy.unknown.terms import (
     ObjectTable,
-    Table,
     Term,
+    TermTable,
     factor_errors,
     object_table,
     singular_pair,
@@ -204,7 +204,7 @@ class UnknownEffect:
 
     def table_rows(self) -> list[tuple[str, float, float]]:
         """Name, value and standard error of the significant categories; empty where the effect is no table."""
-        if len(self.terms) != 1 or not isinstance(self.terms[0], Table):
+        if len(self.terms) != 1 or not isinstance(self.terms[0], TermTable):
             return []
         term = self.terms[0]
         size = term.parameters["amplitude"]
@@ -260,7 +260,7 @@ class UnknownEffect:
 
 def _filled(term: Term, axis: np.ndarray | tuple[str, ...]) -> np.ndarray:
     """Values of a term along an axis of a curve; 0 where it has none."""
-    if isinstance(term, Table) and isinstance(axis, tuple):
+    if isinstance(term, TermTable) and isinstance(axis, tuple):
         return term.parameters["amplitude"] * np.array([term.values.get(name, 0.0) for name in axis])
     return term.evaluate(np.asarray(axis, float))
 

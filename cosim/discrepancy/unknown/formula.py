@@ -18,7 +18,7 @@ from sensors.effects.covariates import wrapped
 
 
 @dataclass(frozen=True)
-class Grid:
+class FormulaGrid:
     """How finely parameters of families are tried.
 
     Attributes:
@@ -103,7 +103,7 @@ def best_formula(
     y: np.ndarray,
     sigma: np.ndarray,
     period: float = 0.0,
-    grid: Grid = Grid(),
+    grid: FormulaGrid = FormulaGrid(),
 ) -> Formula:
     """Choose the formula of lowest BIC for a curve.
 
@@ -160,7 +160,7 @@ def number_code(value: float) -> str:
     return repr(float(value)) if value >= 0 else f"({float(value)!r})"
 
 
-def _members(x: np.ndarray, period: float, grid: Grid) -> Iterator[tuple[Family, list[Parameters]]]:
+def _members(x: np.ndarray, period: float, grid: FormulaGrid) -> Iterator[tuple[Family, list[Parameters]]]:
     """Families that fit a covariate, each with its members on the grid."""
     low, high = float(x.min()), float(x.max())
     span = max(high - low, 1e-12)

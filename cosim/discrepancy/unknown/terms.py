@@ -22,7 +22,7 @@ _FAR_ABOVE = 10.0  # by which BIC prefers the curve itself otherwise: very stron
 
 
 @dataclass(frozen=True)
-class Table:
+class TermTable:
     """A value for each category, times an amplitude; 0 for others."""
 
     values: Mapping[str, float]
@@ -189,7 +189,7 @@ def object_table(types: tuple[str, ...], axes: tuple[str, ...], y: np.ndarray) -
     return ObjectTable(changes, axes)
 
 
-Term = Formula | Table | Levels | Line | Wave
+Term = Formula | TermTable | Levels | Line | Wave
 """Terms that are functions of one covariate."""
 
 
@@ -212,7 +212,7 @@ def term_over(
     if isinstance(x, tuple):
         names = [x[row] for row in known]
         values = {name: _rounded(value) for name, value in zip(names, y, strict=True)}
-        return Table(values, dict(zip(names, sigma.tolist(), strict=True)))
+        return TermTable(values, dict(zip(names, sigma.tolist(), strict=True)))
     x = np.asarray(x, float)[known]
     order = np.argsort(x)
     x, y, sigma = x[order], y[order], sigma[order]

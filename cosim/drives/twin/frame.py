@@ -60,7 +60,7 @@ class Lidar:
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class TwinCamera:
     """A camera, x right, y down, z forward.
 
     Attributes:
@@ -153,7 +153,7 @@ class TwinFrame:
     sweep_s: float
     ego: Ego
     lidar: Lidar
-    cameras: Mapping[str, Camera]
+    cameras: Mapping[str, TwinCamera]
     instances: tuple[Instance, ...]
     static: str | None = None
     lidars: Mapping[str, Lidar] = field(default_factory=dict)
@@ -250,7 +250,7 @@ def _lidar_json(lidar: Lidar) -> dict[str, Any]:
     return entry if lidar.sweep_s is None else {**entry, "sweep_s": number_json(lidar.sweep_s)}
 
 
-def _camera_json(camera: Camera) -> dict[str, Any]:
+def _camera_json(camera: TwinCamera) -> dict[str, Any]:
     entry = {
         "pose_ego": matrix_json(camera.pose_ego),
         "P": matrix_json(camera.P),
@@ -315,7 +315,7 @@ def _lidars(entries: Reader) -> dict[str, Lidar]:
     return {name: _lidar(entries.child(name)) for name in entries.keys}
 
 
-def _camera(entry: Reader) -> Camera:
+def _camera(entry: Reader) -> TwinCamera:
     width, height = entry.number("width", above=0), entry.number("height", above=0)
     distortion = None
     if "distortion" in entry.keys:
@@ -323,7 +323,7 @@ def _camera(entry: Reader) -> Camera:
             distortion = Distortion.model_validate(entry.value("distortion"))
         except ValidationError as error:
             raise FormatError(f"{entry.where}: distortion: {first_problem(error)}") from None
-    return Camera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height), distortion)
+    return TwinCamera(entry.pose("pose_ego"), entry.array("P", (3, 4)), int(width), int(height), distortion)
 
 
 def _instances(entries: list[Reader]) -> tuple[Instance, ...]:

@@ -17,7 +17,7 @@ from cosim.drives.writer import OutputError, explained
 from cosim.engine import Engine
 from cosim.recordings.calibration.directions import DirectionError, direction_error
 from cosim.recordings.calibration.estimates import Combined, Difference, combine, differences, latest_estimates
-from cosim.recordings.calibration.loop import LASERS, MOST_ROUNDS, Calibration, calibrate
+from cosim.recordings.calibration.loop import LASERS, MOST_ROUNDS, SensorCalibration, calibrate
 from cosim.recordings.recording import Recording
 from sensors.effects.base import Effect
 from sensors.pattern import Pattern
@@ -43,7 +43,7 @@ class Drives:
 
     folder: Path
     names: tuple[str, ...]
-    calibrations: tuple[Calibration, ...]
+    calibrations: tuple[SensorCalibration, ...]
     combined: tuple[Combined, ...]
     differences: tuple[Difference, ...]
     directions: tuple[DirectionError | None, ...]
@@ -99,7 +99,7 @@ def calibrate_drives(
     names = tuple(one.path.resolve().name for one in recordings)
     if len(set(names)) < len(names):
         raise OutputError(f"two drives are called {max(names, key=names.count)}; rename one of the folders")
-    found = list[Calibration]()
+    found = list[SensorCalibration]()
     for name, recording in zip(names, recordings, strict=True):
 
         def step(words: str, name: str = name) -> None:
@@ -135,14 +135,14 @@ def _plain(drives: Drives) -> dict[str, Any]:
     return {name: told[name] for name in ("recommended", "combined", "differences", "directions")}
 
 
-def _shown(one: Calibration) -> Pattern:
+def _shown(one: SensorCalibration) -> Pattern:
     """The drive's pattern with the elevations that its own points show, where they show every laser."""
     pattern, cones = load_sensor(one.folder / one.start).pattern, _cones(one)
     shown = cones[_CONE, "elevation_deg"][0] if cones else []
     return pattern.model_copy(update={"elevation_deg": tuple(shown)}) if len(shown) == pattern.rings else pattern
 
 
-def _cones(one: Calibration) -> dict[tuple[str, str], tuple[Any, Any]]:
+def _cones(one: SensorCalibration) -> dict[tuple[str, str], tuple[Any, Any]]:
     """Elevations that the points of a drive show, with 95 % intervals."""
     file = one.folder / Path(one.start).parent / LASERS
     if not file.is_file():
@@ -153,7 +153,7 @@ def _cones(one: Calibration) -> dict[tuple[str, str], tuple[Any, Any]]:
 
 
 def _combined_sensor(
-    calibration: Sequence[Calibration], models: Sequence[SensorModel], combined: Sequence[Combined]
+    calibration: Sequence[SensorCalibration], models: Sequence[SensorModel], combined: Sequence[Combined]
 ) -> SensorModel:
     """The first drive's accepted effects, and those of the others, with the combined parameters."""
     effects: dict[str, Effect] = {}

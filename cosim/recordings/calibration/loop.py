@@ -56,7 +56,7 @@ LASERS = "lasers.json"  # what the points show of the pattern, see `FoundPattern
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class SensorCalibration:
     """What a calibration gave.
 
     Attributes:
@@ -107,7 +107,7 @@ def calibrate(
     most_rounds: int = MOST_ROUNDS,
     engine: Engine | None = None,
     on_step: Callable[[str], None] = _LOG.debug,
-) -> Calibration:
+) -> SensorCalibration:
     """Find the effects that a sensor model is missing on a recording; rounds finished by an earlier run are kept.
 
     Args:
@@ -153,7 +153,7 @@ def calibrate(
             break
     tried = noted(folder, rounds)
     acceptance = accept(folder, rounds)
-    calibration = Calibration(
+    calibration = SensorCalibration(
         folder, recording.path, _said(start, folder), tuple(rounds), not rounds[-1].moved, tried, acceptance
     )
     _write_result(calibration)
@@ -260,7 +260,7 @@ def _write_accepted(
     return file
 
 
-def _write_result(calibration: Calibration) -> None:
+def _write_result(calibration: SensorCalibration) -> None:
     """Keep what exports need."""
     chosen = calibration.rounds[(calibration.acceptance.round or len(calibration.rounds)) - 1]
     poses = (calibration.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"

@@ -10,14 +10,14 @@ from markupsafe import Markup
 
 from cosim.discrepancy.words import UNDETERMINED, Vocabulary
 from cosim.recordings.calibration.estimates import latest_estimates
-from cosim.recordings.calibration.loop import Calibration
+from cosim.recordings.calibration.loop import SensorCalibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
 from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot, nice_top
 
 
-def headline(calibration: Calibration) -> str:
+def headline(calibration: SensorCalibration) -> str:
     """The outcome in a sentence or two, plain text."""
     accepted = calibration.acceptance
     if accepted.is_recommended:
@@ -41,7 +41,7 @@ def headline(calibration: Calibration) -> str:
     return said
 
 
-def format_page(calibration: Calibration) -> str:
+def format_page(calibration: SensorCalibration) -> str:
     """The HTML text."""
     last = calibration.rounds[-1]
     name = calibration.recording.name
@@ -76,7 +76,7 @@ def format_page(calibration: Calibration) -> str:
     )
 
 
-def _facts(calibration: Calibration) -> str:
+def _facts(calibration: SensorCalibration) -> str:
     last = calibration.rounds[-1]
     floor = "unknown" if last.noise_floor is None else f"{last.noise_floor:.2f}"
     held = "none" if last.held_out_m is None else f"{1000 * last.held_out_m:.1f} mm"
@@ -96,7 +96,7 @@ _PUBLISHED_DEG = (("KISS-ICP", 0.205), ("PIN-SLAM", 0.195), ("CAE-LO", 0.22), ("
 _HDL64_LASERS = (60, 64)
 
 
-def _report(calibration: Calibration) -> str:
+def _report(calibration: SensorCalibration) -> str:
     """Quality of the calibration in the terms of the field."""
     last, first, change = calibration.rounds[-1], calibration.rounds[0], calibration.acceptance.change
     rows = []
@@ -157,7 +157,7 @@ def _report(calibration: Calibration) -> str:
     return section("Calibration report", *parts)
 
 
-def _transfers(calibration: Calibration) -> str:
+def _transfers(calibration: SensorCalibration) -> str:
     """Which findings lower the error of untouched scans."""
     rows = []
     for one in calibration.acceptance.transfers:
@@ -185,7 +185,7 @@ def _advice(last: Round) -> str:
     return section("What to record next", table(["parameter", "now", "drive"], rows, words=(0, 1, 2)), text=text)
 
 
-def _thickness(calibration: Calibration) -> str:
+def _thickness(calibration: SensorCalibration) -> str:
     ground = 1000 * np.array([one.thickness_ground_m for one in calibration.rounds])
     walls = 1000 * np.array([one.thickness_walls_m for one in calibration.rounds])
     plot = Plot(
@@ -198,7 +198,7 @@ def _thickness(calibration: Calibration) -> str:
     )
 
 
-def _errors(calibration: Calibration) -> str:
+def _errors(calibration: SensorCalibration) -> str:
     lines = [
         ([one.error for one in calibration.rounds], "a"),
         ([one.error_aligned for one in calibration.rounds], "b"),
@@ -216,16 +216,16 @@ def _errors(calibration: Calibration) -> str:
     )
 
 
-def _rounds_axis(calibration: Calibration) -> Axis:
+def _rounds_axis(calibration: SensorCalibration) -> Axis:
     names = ["", *(f"round {one.number}" for one in calibration.rounds)]
     return Axis(0.5, len(calibration.rounds) + 0.5, "", names=names)
 
 
-def _numbers(calibration: Calibration) -> np.ndarray:
+def _numbers(calibration: SensorCalibration) -> np.ndarray:
     return np.array([one.number for one in calibration.rounds], float)
 
 
-def _links(calibration: Calibration) -> str:
+def _links(calibration: SensorCalibration) -> str:
     rows = []
     for one in calibration.rounds:
         place = one.sensor_out.rpartition("/")[0]
@@ -243,7 +243,7 @@ def _links(calibration: Calibration) -> str:
     return table(["round", "found", "", "", ""], rows, words=(1, 2, 3, 4))
 
 
-def _findings(calibration: Calibration) -> str:
+def _findings(calibration: SensorCalibration) -> str:
     latest: dict[str, tuple[int, Mapping[str, Any]]] = {}
     for each in calibration.rounds:
         for one in each.findings:
@@ -307,7 +307,7 @@ def _unexplained(last: Round) -> str:
     return section("Not explained", *(parts or [Markup("<p>Nothing significant is left.</p>")]))
 
 
-def _history(calibration: Calibration) -> str:
+def _history(calibration: SensorCalibration) -> str:
     rows = [
         [
             one.sensor,

@@ -18,7 +18,7 @@ from cosim.recordings.mapping.scans import cloud_of, local_scans
 from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
-from cosim.recordings.settings import Mount
+from cosim.recordings.settings import RecordingMount
 
 _ROUNDS = 4  # of map and poses
 _HELD_PARTS, _HELD_LONG = 3, 30
@@ -32,7 +32,7 @@ class NoMapError(RecordingError):
 
 
 @dataclass(frozen=True, eq=False)
-class SurfelMap:
+class BuiltMap:
     """A map and how well it fits.
 
     Attributes:
@@ -88,10 +88,10 @@ def build_map(
     trajectory: Trajectory,
     sweep_s: float,
     settings: SurfelSettings | None = None,
-    mount: Mount | None = None,
+    mount: RecordingMount | None = None,
     sweep_scale: float = 1.0,
     on_scan: Callable[[], object] = lambda: None,
-) -> SurfelMap:
+) -> BuiltMap:
     """Make the map.
 
     Args:
@@ -139,7 +139,7 @@ def build_map(
     for number in held:
         poses[number] = place(local[number], poses[number], still, settings.cell_m, rounds=6)
     error, share = _errors(local, poses, still, settings.cell_m)
-    return SurfelMap(
+    return BuiltMap(
         surfels=still,
         left_out=surfels[moving],
         poses=poses,

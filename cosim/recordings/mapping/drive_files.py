@@ -17,7 +17,7 @@ from cosim.drives.kitti.points import encode_points
 from cosim.drives.kitti.rays import PointRays, encode_rays
 from cosim.drives.twin import Ego, Lidar, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter
-from cosim.recordings.mapping.build import SurfelMap
+from cosim.recordings.mapping.build import BuiltMap
 from cosim.recordings.mapping.kept import Kept
 from cosim.recordings.mapping.motion import scan_times
 from cosim.recordings.mapping.prepare import Prepared
@@ -175,7 +175,7 @@ def _ordered(scan: Scan, which: np.ndarray, ring_of: np.ndarray, pattern: Patter
     return points, PointRays(ring.astype(np.uint8), scan.azimuth_rad[rows], share[rows], nothing)
 
 
-def _world_files(segment: Segment, made: SurfelMap) -> tuple[bytes, bytes]:
+def _world_files(segment: Segment, made: BuiltMap) -> tuple[bytes, bytes]:
     """Mesh and table of a map's surfaces, the ground first."""
     surfels, ground = made.surfels, made.ground
     order, count = np.argsort(~ground, kind="stable"), int(ground.sum())

@@ -14,8 +14,8 @@ import numpy as np
 
 from cosim.drives.files import read_bytes
 from cosim.drives.writer import explained
-from cosim.engine import Do, Engine, Event, Tell
-from cosim.recordings.mapping.build import NoMapError, SurfelMap
+from cosim.engine import Do, Engine, JobEvent, Tell
+from cosim.recordings.mapping.build import BuiltMap, NoMapError
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.segments import Segment
 from cosim.recordings.mapping.surfels import Surfels
@@ -76,9 +76,9 @@ class Kept:
         """Does segments, as a job of an engine."""
 
         def do(segment: Segment, tell: Tell) -> None:
-            tell(Event("ready"))
-            self.write(segment, self.make(segment, lambda: tell(Event("alive"))))
-            tell(Event("frame"))
+            tell(JobEvent("ready"))
+            self.write(segment, self.make(segment, lambda: tell(JobEvent("alive"))))
+            tell(JobEvent("frame"))
 
         yield do
 
@@ -101,7 +101,7 @@ class Kept:
         left = [segment for segment in segments if not self.has(segment)]
         done = len(segments) - len(left)
 
-        def tell(event: Event) -> None:
+        def tell(event: JobEvent) -> None:
             nonlocal done
             if event.kind == "frame":
                 done += 1
@@ -154,7 +154,7 @@ def path_of(arrays: Arrays) -> Trajectory:
     )
 
 
-def arrays_of_map(make: Callable[[], SurfelMap]) -> Arrays:
+def arrays_of_map(make: Callable[[], BuiltMap]) -> Arrays:
     """A map as arrays, or why there is none."""
     try:
         made = make()
@@ -174,7 +174,7 @@ def arrays_of_map(make: Callable[[], SurfelMap]) -> Arrays:
     }
 
 
-def map_of(arrays: Arrays) -> SurfelMap:
+def map_of(arrays: Arrays) -> BuiltMap:
     """Return the map stored in arrays.
 
     Raises:
@@ -188,7 +188,7 @@ def map_of(arrays: Arrays) -> SurfelMap:
     plain: dict[str, Any] = {name: arrays[name] for name in _PLAIN}
     plain["rounds"] = tuple(tuple(row) for row in plain["rounds"].tolist())
     no_plane, known = arrays["flags"].tolist()
-    return SurfelMap(
+    return BuiltMap(
         **surfels, **plain, held_out=tuple(arrays["held_out"].tolist()), no_plane=no_plane, mount_known=bool(known)
     )
 

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from cosim.recordings.mapping.surfels import Surfels
-from cosim.recordings.settings import Mount
+from cosim.recordings.settings import RecordingMount
 
 _NEAR_PATH_M = 15.0
 _BELOW_M = (0.3, 6.0)
@@ -25,7 +25,7 @@ def up(surfels: Surfels, poses: np.ndarray) -> np.ndarray:
 
 
 def levelled(
-    surfels: Surfels, poses: np.ndarray, up: np.ndarray, mount: Mount | None
+    surfels: Surfels, poses: np.ndarray, up: np.ndarray, mount: RecordingMount | None
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Poses in a world with z up and ground about 0, the sensor's pose on the vehicle, and whether it is known."""
     turn = np.eye(4)

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from cosim.recordings.checks import raise_findings
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
-from cosim.recordings.mapping.sweep import SweepMotion
+from cosim.recordings.mapping.sweep import SweepEstimate
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import Scan
 
@@ -50,7 +50,7 @@ def check_path(recording: Recording, path: Trajectory, accepted: Sequence[str] =
 
 
 def check_sweep(
-    recording: Recording, path: Trajectory, sweep: SweepMotion | None, accepted: Sequence[str] = ()
+    recording: Recording, path: Trajectory, sweep: SweepEstimate | None, accepted: Sequence[str] = ()
 ) -> list[str]:
     """Check that points move with the path, and that x points along it, not against it; returns notes.
 

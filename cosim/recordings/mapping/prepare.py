@@ -16,7 +16,7 @@ from cosim.recordings.mapping.odometry import Trajectory, find_trajectory
 from cosim.recordings.mapping.path_checks import check_path, check_sweep
 from cosim.recordings.mapping.segments import Segment, segments_of, together
 from cosim.recordings.mapping.surfels import SurfelSettings
-from cosim.recordings.mapping.sweep import SweepMotion, sweep_motion
+from cosim.recordings.mapping.sweep import SweepEstimate, sweep_motion
 from cosim.recordings.pattern.find import FoundPattern, find_pattern
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
@@ -47,7 +47,7 @@ class Prepared:
     ring_of: np.ndarray
     segments: tuple[Segment, ...]
     paths: tuple[Trajectory, ...]
-    sweep: SweepMotion | None
+    sweep: SweepEstimate | None
     notes: tuple[str, ...] = ()
 
     @property
@@ -140,7 +140,7 @@ def _sweep(
     paths: tuple[Trajectory, ...],
     lines: np.ndarray,
     sweep_s: float,
-) -> SweepMotion | None:
+) -> SweepEstimate | None:
     """For the segment with the longest path of the middle three; None if the sensor does not move there."""
     middle = (len(segments) - 1) // 2
     near = range(max(middle - 1, 0), min(middle + 2, len(segments)))

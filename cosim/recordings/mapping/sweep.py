@@ -34,7 +34,7 @@ Answer = Literal["yes", "no", "cannot be determined"]
 
 
 @dataclass(frozen=True, eq=False)
-class SweepMotion:
+class SweepEstimate:
     """How strong the sensor's motion in a sweep is in the points.
 
     Attributes:
@@ -103,7 +103,7 @@ class SweepMotion:
 
 def sweep_motion(
     recording: Recording, trajectory: Trajectory, lines: np.ndarray, sweep_s: float, settings: SurfelSettings
-) -> SweepMotion:
+) -> SweepEstimate:
     """How strong the motion in a sweep is.
 
     Args:
@@ -130,7 +130,7 @@ def sweep_motion(
             thick = {scale: _upright_m(scans, own, scale, numbers, settings) for scale in (0.0, 1.0)}
     mean, half = _combined(np.array(found), np.array(errors))
     cones = _cones(recording, trajectory, lines, sweep_s)
-    return SweepMotion(mean, mean - half, mean + half, np.array(found), cones, thick)
+    return SweepEstimate(mean, mean - half, mean + half, np.array(found), cones, thick)
 
 
 def _windows(trajectory: Trajectory) -> list[int]:

@@ -22,7 +22,7 @@ from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_map
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.prepare import Prepared, about, prepare, told_of
 from cosim.recordings.mapping.segments import Segment
-from cosim.recordings.mapping.sweep import SweepMotion
+from cosim.recordings.mapping.sweep import SweepEstimate
 from cosim.recordings.mapping.whole import WholeMap, whole_map
 from cosim.recordings.pattern.find import FoundPattern
 from cosim.recordings.recording import Recording
@@ -54,7 +54,7 @@ class RecordingTwin:
     found: FoundPattern
     path: Trajectory
     made: WholeMap
-    sweep: SweepMotion | None
+    sweep: SweepEstimate | None
     notes: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.recordings.mapping.build import NoMapError, SurfelMap
+from cosim.recordings.mapping.build import BuiltMap, NoMapError
 from cosim.recordings.mapping.kept import Kept, map_of
 from cosim.recordings.mapping.motion import applied
 from cosim.recordings.mapping.odometry import Trajectory
@@ -34,7 +34,7 @@ class WholeMap:
         pose_ego: (k, 4, 4) of the sensor on the vehicle.
         mount_known: whether height and tilt come from the ground or the settings.
         held_out: numbers of scans that took no part.
-        error_m, on_map, held: (n,) as of `SurfelMap`.
+        error_m, on_map, held: (n,) as of `BuiltMap`.
         no_plane: cells with points enough that are no plane.
         rounds: (r, 2) thickness of ground and of walls [m] after each round, usual of all segments.
     """
@@ -121,14 +121,14 @@ def whole_map(segments: Sequence[Segment], paths: Sequence[Trajectory], kept: Ke
 _JOINED = ("sd_m", "scans", "level", "ground", "trusted", "poses", "motion", "error_m", "on_map", "held")
 
 
-def mapped_segments(whole: WholeMap, kept: Kept) -> Iterator[tuple[Segment, SurfelMap]]:
+def mapped_segments(whole: WholeMap, kept: Kept) -> Iterator[tuple[Segment, BuiltMap]]:
     """The segments that have a map, one after the other."""
     for segment in whole.segments:
         if whole.mapped[segment.number]:
             yield segment, map_of(kept.read(segment))
 
 
-def _part(segment: Segment, made: SurfelMap) -> dict:
+def _part(segment: Segment, made: BuiltMap) -> dict:
     own, surfels = segment.own, made.surfels
     numbers = [segment.first + number for number in made.held_out]
     return {

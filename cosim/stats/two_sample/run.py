@@ -13,7 +13,7 @@ from cosim.stats.frame_set import FrameSet
 from cosim.stats.two_sample.grid import PatchGrid
 from cosim.stats.two_sample.patches import collect_patches
 from cosim.stats.two_sample.result import TwoSample
-from cosim.stats.two_sample.separation import Settings, is_available, separate_sets
+from cosim.stats.two_sample.separation import TwoSampleSettings, is_available, separate_sets
 
 MOST_FRAMES = 120
 _FEWEST_POINTS = 100
@@ -25,7 +25,7 @@ def separate(
     units: str = "frame",
     sector_deg: float = 90.0,
     *,
-    settings: Settings | None = None,
+    settings: TwoSampleSettings | None = None,
     on_frame: Callable[[str], None] = lambda name: None,
 ) -> TwoSample | str:
     """Test whether the scans of `a` can be distinguished from those of the reference `b`.
@@ -48,7 +48,7 @@ def separate(
     if not 10 <= sector_deg <= 360:
         raise CosimError(f"the sector is {sector_deg:g}°; give 10 to 360")
     numbered = [_number_units(source, units) for source in (a, b)]
-    settings = settings or Settings()
+    settings = settings or TwoSampleSettings()
     for source, (frames, _) in zip((a, b), numbered, strict=True):
         if not frames:
             return f"{source.title} has no scan"

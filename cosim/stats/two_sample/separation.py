@@ -29,7 +29,7 @@ _LEAF, _LEAVES = 20, 10  # patches in a leaf; leaves that few patches are divide
 
 
 @dataclass(frozen=True)
-class Settings:
+class TwoSampleSettings:
     """Numeric choices of the test.
 
     Attributes:
@@ -54,7 +54,9 @@ def is_available() -> bool:
     return find_spec("sklearn") is not None
 
 
-def separate_sets(a: Patches, b: Patches, rng: np.random.Generator, settings: Settings | None = None) -> TwoSample:
+def separate_sets(
+    a: Patches, b: Patches, rng: np.random.Generator, settings: TwoSampleSettings | None = None
+) -> TwoSample:
     """Test whether the patches of `a` can be distinguished from those of the reference `b`.
 
     Args:
@@ -63,7 +65,7 @@ def separate_sets(a: Patches, b: Patches, rng: np.random.Generator, settings: Se
         settings: numeric choices.
 
     """
-    settings = settings or Settings()
+    settings = settings or TwoSampleSettings()
     folds = min(settings.folds, a.units, b.units)
     fold = [_assign_folds(patches, folds, rng) for patches in (a, b)]
     halves = _split_in_two(b, settings)
@@ -105,7 +107,7 @@ def _assign_folds(patches: Patches, folds: int, rng: np.random.Generator) -> np.
     return rng.permutation(np.arange(patches.units) % folds)
 
 
-def _split_in_two(patches: Patches, settings: Settings) -> tuple[Patches, Patches] | None:
+def _split_in_two(patches: Patches, settings: TwoSampleSettings) -> tuple[Patches, Patches] | None:
     """The first and the second half of the units in their order, so that neighbours in time stay together."""
     middle = patches.units // 2
     if middle < settings.fewest_units:
@@ -119,7 +121,7 @@ def _cross_fit(
     folds: Sequence[np.ndarray],
     columns: np.ndarray,
     rng: np.random.Generator,
-    settings: Settings,
+    settings: TwoSampleSettings,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Probability of the first set for every patch of both, by trees trained without its fold."""
     from sklearn.ensemble import HistGradientBoostingClassifier
@@ -153,7 +155,7 @@ def _separate(
     folds: Sequence[np.ndarray],
     scores: tuple[np.ndarray, np.ndarray],
     rng: np.random.Generator,
-    settings: Settings,
+    settings: TwoSampleSettings,
 ) -> Separation:
     """AUC within folds, with its interval and p-value; both count whole units."""
     wins, pairs, p_values = [], [], []
@@ -244,7 +246,7 @@ def _test_regions(a: Patches, b: Patches, scores: dict[str, tuple[np.ndarray, np
     return results
 
 
-def _most_telling(patches: Patches, probability: np.ndarray, settings: Settings) -> tuple[TellingPatch, ...]:
+def _most_telling(patches: Patches, probability: np.ndarray, settings: TwoSampleSettings) -> tuple[TellingPatch, ...]:
     """The patches with the highest probability, at most one a frame while there are enough frames."""
     order = np.argsort(-probability, kind="stable")
     firsts = np.unique(patches.frame[order], return_index=True)[1]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.traffic.behaviour.roads import Lane, Lot
+from cosim.traffic.behaviour.roads import Lane, ParkingSpace
 from cosim.traffic.behaviour.stage import Stage, in_axes
 from cosim.traffic.motion import Script
 from cosim.traffic.motion.park_path import plan_backing_in
@@ -25,7 +25,7 @@ _HOLD_STEPS = 80  # until SUMO has parked him
 
 @dataclass(eq=False)
 class _Backing:
-    lot: Lot
+    lot: ParkingSpace
     since_s: float = np.inf  # time at which the vehicle has stopped next to the space
     plays: bool = False
     resumed: bool = False
@@ -46,7 +46,7 @@ class BackingIn:
         """Spaces that a vehicle is about to park in."""
         return {backing.lot.lane for backing in self._backing.values()}
 
-    def begin(self, stage: Stage, row: int, lot: Lot) -> bool:
+    def begin(self, stage: Stage, row: int, lot: ParkingSpace) -> bool:
         """Send a vehicle to a space; return whether it can back in between the vehicles parked there now."""
         vehicle, lane = stage.actors.ids[row], stage.roads.lanes[lot.lane]
         waits_m = lot.start_m + _WAITS_AT * float(stage.actors.size[row, 0])
@@ -97,7 +97,15 @@ class BackingIn:
         return True
 
     def _plan(
-        self, stage: Stage, row: int, lot: Lot, lane: Lane, front: np.ndarray, heading: float, *, everyone: bool
+        self,
+        stage: Stage,
+        row: int,
+        lot: ParkingSpace,
+        lane: Lane,
+        front: np.ndarray,
+        heading: float,
+        *,
+        everyone: bool,
     ) -> Script | None:
         """A way from a place on the lane, past those at the kerb or past everyone but those who wait behind."""
         actors, size = stage.actors, stage.actors.size[row]

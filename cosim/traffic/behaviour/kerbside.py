@@ -10,14 +10,14 @@ import numpy as np
 
 from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour.config import BehaviourConfig
-from cosim.traffic.behaviour.roads import Lane, Lot, Roads
+from cosim.traffic.behaviour.roads import Lane, ParkingSpace, Roads
 from cosim.traffic.simulation import Traffic
 
 _OFF_LANE_M = 0.05
 _ONE_BAY_M = 0.5  # lots this near to each other are one bay
 
 
-class Kerbside:
+class KerbsideParking:
     """Turns parked vehicles a little and, where asked to, sets them in their bays one behind the other.
 
     No vehicle extends into the lane: rotated ones are closer to the kerb, or on it. What does not fit into a bay is
@@ -51,7 +51,7 @@ class Kerbside:
     def _settle(self, traffic: Traffic, roads: Roads, actors: Actors) -> set[str]:
         """Place the vehicles of a lot; return those that do not fit."""
         lots = {lot.id: lot for places in roads.lots.values() for lot in places}
-        stand: list[tuple[Lot, int]] = []
+        stand: list[tuple[ParkingSpace, int]] = []
         for row in np.flatnonzero(actors.parked).tolist():
             stops = traffic.api.vehicle.getStops(actors.ids[row], 1)
             if stops and stops[0].stoppingPlaceID in lots:
@@ -69,7 +69,7 @@ class Kerbside:
                 self._poses[actors.ids[row]] = self._pose(actors, row, lane, roads.right_room(lane.edge), end)
         return gone
 
-    def _in_bays(self, roads: Roads, actors: Actors, stand: list[tuple[Lot, int]]) -> dict[int, float | None]:
+    def _in_bays(self, roads: Roads, actors: Actors, stand: list[tuple[ParkingSpace, int]]) -> dict[int, float | None]:
         """Positions of front bumpers along the lane; None without enough space."""
         gap = self._config.parked_gap_m
         assert gap is not None
@@ -104,7 +104,7 @@ class Kerbside:
         return centre + length * forward, float(heading)
 
 
-def _bays(lots: list[Lot]) -> list[list[Lot]]:
+def _bays(lots: list[ParkingSpace]) -> list[list[ParkingSpace]]:
     """Lots next to one lane, in order, separated by gaps."""
     bays = [[lots[0]]]
     for before, lot in pairwise(lots):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.traffic.behaviour.backing_in import BackingIn
-from cosim.traffic.behaviour.roads import Lane, Lot
+from cosim.traffic.behaviour.roads import Lane, ParkingSpace
 from cosim.traffic.behaviour.stage import Stage
 from cosim.traffic.motion import Approach, drift
 from cosim.traffic.motion.rehearsal import clear, rehearse
@@ -39,7 +39,7 @@ class _Going:
         before_m: along the lane from where on he drives gently.
     """
 
-    lot: Lot
+    lot: ParkingSpace
     approach: Approach
     before_m: float
 
@@ -114,7 +114,7 @@ class PullIn:
                 break
         return False
 
-    def _free_ahead(self, stage: Stage, row: int) -> list[tuple[Lot, float]]:
+    def _free_ahead(self, stage: Stage, row: int) -> list[tuple[ParkingSpace, float]]:
         """Free places on a driver's way, the nearest first, and how far he drives straight on before each [m].
 
         Next to other edges than the vehicle's own only if a single lane leads past.
@@ -138,7 +138,7 @@ class PullIn:
             way, before = way + lane.length_m, lane
         return free
 
-    def _try(self, stage: Stage, row: int, lot: Lot, straight_m: float) -> bool:
+    def _try(self, stage: Stage, row: int, lot: ParkingSpace, straight_m: float) -> bool:
         actors, vehicle = stage.actors, stage.actors.ids[row]
         lane = stage.roads.lanes[lot.lane]
         before = min(_BEFORE_M, straight_m)

@@ -57,7 +57,7 @@ class Lane:
 
 
 @dataclass(frozen=True)
-class Lot:
+class ParkingSpace:
     """A parking space next to a lane, from `start_m` to `end_m` along it."""
 
     id: str
@@ -134,11 +134,11 @@ class Roads:
         by_ends = {pair: edge for edge, pair in sorted(ends.items())}
         return {edge: by_ends[b, a] for edge, (a, b) in ends.items() if (b, a) in by_ends}
 
-    def _lots(self, api: ModuleType) -> dict[str, list[Lot]]:
-        lots: dict[str, list[Lot]] = {}
+    def _lots(self, api: ModuleType) -> dict[str, list[ParkingSpace]]:
+        lots: dict[str, list[ParkingSpace]] = {}
         for name in sorted(api.parkingarea.getIDList()):
             lane = api.parkingarea.getLaneID(name)
-            lot = Lot(name, lane, api.parkingarea.getStartPos(name), api.parkingarea.getEndPos(name))
+            lot = ParkingSpace(name, lane, api.parkingarea.getStartPos(name), api.parkingarea.getEndPos(name))
             if lane in self.lanes:
                 lots.setdefault(self.lanes[lane].edge, []).append(lot)
         for places in lots.values():

@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 from cosim.traffic.trajectories.kinds import user_of
-from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
 
 
 def read_commonroad(path: Path, root: ET.Element, left_out: Counter[str]) -> RoadTracks:
@@ -21,7 +21,7 @@ def read_commonroad(path: Path, root: ET.Element, left_out: Counter[str]) -> Roa
         TrajectoryError: a value is missing or no number, or see `gather`.
     """
     step_s = _number(path, root.get("timeStepSize"), "timeStepSize")
-    samples: list[Sample] = []
+    samples: list[TrackSample] = []
     users: dict[str, User] = {}
     for element in root:
         if element.tag not in ("dynamicObstacle", "staticObstacle", "obstacle"):
@@ -45,18 +45,18 @@ def read_commonroad(path: Path, root: ET.Element, left_out: Counter[str]) -> Roa
     return gather(path, samples, users, centred=True)
 
 
-def _standing(root: ET.Element, samples: list[Sample]) -> list[Sample]:
+def _standing(root: ET.Element, samples: list[TrackSample]) -> list[TrackSample]:
     """Repeat static obstacles at the end: they are present throughout."""
     end_s = max(one.time_s for one in samples)
     still = {element.get("id", "") for element in root if element.tag == "staticObstacle"}
     return [
-        Sample(end_s, one.user, one.x_m, one.y_m, heading_rad=one.heading_rad, speed_mps=0.0)
+        TrackSample(end_s, one.user, one.x_m, one.y_m, heading_rad=one.heading_rad, speed_mps=0.0)
         for one in samples
         if one.user in still and one.time_s < end_s
     ]
 
 
-def _sample(path: Path, state: ET.Element, name: str, step_s: float) -> Sample:
+def _sample(path: Path, state: ET.Element, name: str, step_s: float) -> TrackSample:
     def value(key: str, default: str | None = None) -> float:
         text = state.findtext(f"{key}/exact")
         return _number(path, default if text is None else text, f"obstacle {name}: {key}")
@@ -66,7 +66,7 @@ def _sample(path: Path, state: ET.Element, name: str, step_s: float) -> Sample:
         raise TrajectoryError(f"{path}: obstacle {name} has a state without position/point; give exact states")
     x, y = (_number(path, point.findtext(axis), f"obstacle {name}: {axis}") for axis in "xy")
     time_s = value("time", "0") * step_s
-    return Sample(time_s, name, x, y, heading_rad=value("orientation"), speed_mps=abs(value("velocity", "0")))
+    return TrackSample(time_s, name, x, y, heading_rad=value("orientation"), speed_mps=abs(value("velocity", "0")))
 
 
 def _number(path: Path, text: str | None, what: str) -> float:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
 from cosim.traffic.trajectories.riders import is_rider
-from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
 
 
 def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out: Counter[str]) -> RoadTracks:
@@ -26,7 +26,7 @@ def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out:
         TownError: a file of types cannot be read.
     """
     known = sumo_types(type_files)
-    samples: list[Sample] = []
+    samples: list[TrackSample] = []
     carried: list[bool] = []
     on_foot: list[bool] = []
     users: dict[str, User] = {}
@@ -60,9 +60,9 @@ def read_fcd(path: Path, root: ET.Element, type_files: Iterable[Path], left_out:
     return replace(tracks, notes=(note,))
 
 
-def _sample(path: Path, element: ET.Element, name: str, time_s: float) -> Sample:
+def _sample(path: Path, element: ET.Element, name: str, time_s: float) -> TrackSample:
     x, y = _number(path, element, "x"), _number(path, element, "y")
-    return Sample(
+    return TrackSample(
         time_s=time_s,
         user=name,
         x_m=x,

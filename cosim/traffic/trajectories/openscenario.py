@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cosim.traffic.trajectories.kinds import user_of
-from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
 from cosim.traffic.trajectories.xosc_parameters import resolve_entry, resolve_parameters
 from sumo_nets.errors import TownError
 from sumo_nets.xml_guard import read_xml
@@ -237,7 +237,7 @@ def _begin_s(path: Path, trigger: Any, xosc: Any) -> float | None:
     return max(float(one.value) for one in values if one is not None)
 
 
-def _samples(path: Path, name: str, way: _Way, end_s: float) -> list[Sample]:
+def _samples(path: Path, name: str, way: _Way, end_s: float) -> list[TrackSample]:
     """An entity's track at 10 Hz; its initial position until its trajectory starts, or throughout."""
     ways = sorted(way.trajectories, key=lambda rows: rows[0, 0])
     if not ways and way.stands is None:
@@ -248,7 +248,9 @@ def _samples(path: Path, name: str, way: _Way, end_s: float) -> list[Sample]:
         times = np.append(np.arange(0.0, until_s, _EVERY_S), until_s)
         parts.insert(0, np.column_stack([times, np.tile(way.stands, (len(times), 1))]))
     return [
-        Sample(time_s=float(time_s), user=name, x_m=float(x), y_m=float(y), z_m=float(z), heading_rad=float(heading))
+        TrackSample(
+            time_s=float(time_s), user=name, x_m=float(x), y_m=float(y), z_m=float(z), heading_rad=float(heading)
+        )
         for time_s, x, y, z, heading in np.concatenate(parts)
     ]
 

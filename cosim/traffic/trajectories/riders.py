@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.traffic.trajectories.tracks import Sample
+from cosim.traffic.trajectories.tracks import TrackSample
 
 
-def is_rider(samples: Sequence[Sample], on_foot: Sequence[bool], carried: Sequence[bool] | None = None) -> np.ndarray:
+def is_rider(
+    samples: Sequence[TrackSample], on_foot: Sequence[bool], carried: Sequence[bool] | None = None
+) -> np.ndarray:
     """Mask (n,) of samples of persons who ride in a vehicle.
 
     A person rides who has the place, heading and speed of a vehicle at the same time, to the digits of the file.

@@ -23,7 +23,7 @@ from cosim.traffic.trajectories.table_options import TableOptions, read_table_op
 from cosim.traffic.trajectories.table_rows import position_outliers, repeated_rows, time_outliers
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
-from cosim.traffic.trajectories.tracks import RoadTracks, Sample, TrajectoryError, User, gather
+from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
 
 _FALSE = frozenset({"0", "0.0", "false", ""})
 _NO_TYPE = "car"
@@ -90,7 +90,7 @@ def _users(
 
 def _samples(
     header: Sequence[str], rows: Sequence[Sequence[str]], schema: TableSchema, table: TableColumns
-) -> list[Sample]:
+) -> list[TrackSample]:
     """Every row in SI units and the axes of the town."""
 
     def column(role: str, unit: float) -> np.ndarray:
@@ -108,7 +108,9 @@ def _samples(
     id_at = header.index(schema.columns["id"])
     values = zip(rows, *(each.tolist() for each in (time, east, north, z, heading, speed)), strict=True)
     return [
-        Sample(t, _identifier(row[id_at]), x, y, up, angle, v, lane="" if lane_at is None else row[lane_at].strip())
+        TrackSample(
+            t, _identifier(row[id_at]), x, y, up, angle, v, lane="" if lane_at is None else row[lane_at].strip()
+        )
         for row, t, x, y, up, angle, v in values
     ]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.traffic.trajectories.table_names import declared_unit
 from cosim.traffic.trajectories.table_options import TableOptions
-from cosim.traffic.trajectories.table_steps import Steps, TableColumns
+from cosim.traffic.trajectories.table_steps import TableColumns, TableSteps
 from cosim.traffic.trajectories.tracks import TrajectoryError
 
 _MOVES_M = 0.05  # a step that shows speed
@@ -24,7 +24,7 @@ def infer_heading(
     columns: Mapping[str, str],
     options: TableOptions,
     source: str,
-    steps: Steps,
+    steps: TableSteps,
     notes: list[str],
 ) -> tuple[float, str, bool]:
     """Unit of the headings [rad], where they count from, and whether they are used."""
@@ -76,7 +76,7 @@ def infer_heading(
     return best[0], best[1], True
 
 
-def _ways_differ(steps: Steps) -> bool:
+def _ways_differ(steps: TableSteps) -> bool:
     """Whether road users move in directions that differ, so that one heading cannot be that of all."""
     moved = steps.way > _COURSE_M if (steps.way > _COURSE_M).sum() >= _FEWEST else steps.way > _MOVES_M
     if moved.sum() < _FEWEST:
@@ -85,7 +85,7 @@ def _ways_differ(steps: Steps) -> bool:
     return float(np.quantile(east, 0.05)) < _ALONG
 
 
-def _heading_scores(user: np.ndarray, values: np.ndarray, steps: Steps) -> dict[tuple[float, str], float]:
+def _heading_scores(user: np.ndarray, values: np.ndarray, steps: TableSteps) -> dict[tuple[float, str], float]:
     """Mean cosine between direction of motion and heading for each reading; empty if no road user moves.
 
     Road users have equal weight, whatever their number of samples.

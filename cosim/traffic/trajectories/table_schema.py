@@ -25,8 +25,8 @@ from cosim.traffic.trajectories.table_names import (
 )
 from cosim.traffic.trajectories.table_options import TableOptions
 from cosim.traffic.trajectories.table_steps import (
-    Steps,
     TableColumns,
+    TableSteps,
     check_velocity_direction,
     drop_constant_speeds,
     stated_speed,
@@ -91,7 +91,7 @@ def infer_table_schema(table: TableColumns, source: str, options: TableOptions |
     stated = stated_speed(table, columns)
     time, unit_s, speed_unit = infer_time(table, columns, options, source, x, y, stated, notes)
     columns = columns | {"time": time}
-    steps = Steps.of(table.user, table.values[time] * unit_s, x, y)
+    steps = TableSteps.of(table.user, table.values[time] * unit_s, x, y)
     check_velocity_direction(table, columns, steps, notes)
     length_unit = _length_unit(table, columns, options, metres, source)
     heading_unit, zero, used = infer_heading(table, columns, options, source, steps, notes)

@@ -30,7 +30,7 @@ class TableColumns:
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
+class TableSteps:
     """From one sample of a road user to the next.
 
     Attributes:
@@ -47,7 +47,7 @@ class Steps:
     dy: np.ndarray
 
     @classmethod
-    def of(cls, user: np.ndarray, time: np.ndarray, x: np.ndarray, y: np.ndarray) -> Steps:
+    def of(cls, user: np.ndarray, time: np.ndarray, x: np.ndarray, y: np.ndarray) -> TableSteps:
         """Steps of all road users, without those across a gap."""
         good = np.flatnonzero(np.isfinite(time) & np.isfinite(x) & np.isfinite(y))
         order = good[np.lexsort((time[good], user[good]))]
@@ -126,7 +126,7 @@ def _spread(values: np.ndarray) -> float:
     return float(np.ptp(np.quantile(finite, [0.1, 0.9]))) if len(finite) else 0.0
 
 
-def check_velocity_direction(table: TableColumns, columns: dict[str, str], steps: Steps, notes: list[str]) -> None:
+def check_velocity_direction(table: TableColumns, columns: dict[str, str], steps: TableSteps, notes: list[str]) -> None:
     """Note where vx, vy do not point along the way: then only their size is used."""
     if "vx" not in columns or "vy" not in columns:
         return

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.traffic.trajectories.table_names import declared_unit, documented_rate_hz, named_columns
 from cosim.traffic.trajectories.table_options import TableOptions
-from cosim.traffic.trajectories.table_steps import Steps, TableColumns
+from cosim.traffic.trajectories.table_steps import TableColumns, TableSteps
 from cosim.traffic.trajectories.tracks import TrajectoryError
 
 _UNITS_S = {1.0: "s", 1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}
@@ -113,7 +113,7 @@ def _readings(
     stated: np.ndarray | None,
     speed_units: Mapping[float, str],
 ) -> list[_Reading]:
-    steps = Steps.of(table.user, table.values[name] * unit_s, x, y)
+    steps = TableSteps.of(table.user, table.values[name] * unit_s, x, y)
     if not len(steps):
         return [_Reading(name, unit_s, next(iter(speed_units)), 0.0, 0.0, None)]
     step_s = float(np.median(steps.dt))
@@ -185,7 +185,7 @@ def _counted(
 ) -> tuple[str, float, float] | None:
     """Time from a counter of frames: by a stated or documented rate, or by the speeds that the table states."""
     unit = next(iter(speed_units))
-    steps = Steps.of(table.user, table.values[name], x, y)
+    steps = TableSteps.of(table.user, table.values[name], x, y)
     ratio = None if stated is None else steps.speed_ratio(stated)
     if options.frame_rate_hz is not None:
         return name, 1 / options.frame_rate_hz, unit

@@ -78,7 +78,7 @@ class RoadTracks:
 
 
 @dataclass(frozen=True)
-class Sample:
+class TrackSample:
     """One line of a file.
 
     Attributes:
@@ -119,7 +119,7 @@ class User:
     middle_ahead_m: float = 0.0
 
 
-def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, centred: bool) -> RoadTracks:
+def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User], *, centred: bool) -> RoadTracks:
     """Tracks from samples in any order.
 
     Args:
@@ -167,7 +167,7 @@ def gather(path: Path, samples: Sequence[Sample], users: Mapping[str, User], *, 
     )
 
 
-def _check_numbers(path: Path, samples: Sequence[Sample], time_s: np.ndarray, position: np.ndarray) -> None:
+def _check_numbers(path: Path, samples: Sequence[TrackSample], time_s: np.ndarray, position: np.ndarray) -> None:
     sound = (np.abs(time_s) < _LARGEST) & (np.abs(position[:, :2]) < _LARGEST).all(1)
     bad = np.flatnonzero(~(sound & ~(np.abs(position[:, 2]) >= _LARGEST)))
     if len(bad):

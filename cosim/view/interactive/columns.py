@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.drives.kitti import Drive, Frame
 from cosim.errors import FormatError
-from cosim.view.interactive.packing import Column, quantised
+from cosim.view.interactive.packing import PackedColumn, quantised
 from cosim.view.interactive.residual import PointResiduals
 from cosim.view.objects import Objects, PointInstances, find_instances
 
@@ -30,7 +30,7 @@ class PointColumns:
         met: object of every point.
     """
 
-    columns: list[Column]
+    columns: list[PackedColumn]
     absent: dict[str, str]
     materials: tuple[str, ...]
     met: PointInstances
@@ -54,7 +54,7 @@ def point_columns(
     columns = [quantised(name, points[:, axis], STEP_M, "delta") for axis, name in enumerate("xyz")]
     absent: dict[str, str] = {}
     if frame.has_intensity:
-        columns.append(Column("intensity", _byte(points[:, 3] / _INTENSITY_STEP), _INTENSITY_STEP))
+        columns.append(PackedColumn("intensity", _byte(points[:, 3] / _INTENSITY_STEP), _INTENSITY_STEP))
     else:
         absent["intensity"] = "the scan has no intensities"
     _add_ring(frame, columns, absent)
@@ -69,7 +69,7 @@ def point_columns(
     if material is None:
         absent["material"] = _NO_MATERIAL
     else:
-        columns.append(Column("material", material))
+        columns.append(PackedColumn("material", material))
     if residuals is None:
         absent["residual"] = why_not
     else:
@@ -77,7 +77,7 @@ def point_columns(
     return PointColumns(columns, absent, materials, met)
 
 
-def residual_column(residuals: PointResiduals) -> Column:
+def residual_column(residuals: PointResiduals) -> PackedColumn:
     """Column of residuals in steps of one millimetre."""
     return quantised("residual", residuals.metres, RESIDUAL_STEP_M)
 
@@ -86,9 +86,9 @@ def _byte(values: np.ndarray) -> np.ndarray:
     return np.clip(np.rint(values), 0, 255).astype(np.uint8)
 
 
-def _add_ring(frame: Frame, columns: list[Column], absent: dict[str, str]) -> None:
+def _add_ring(frame: Frame, columns: list[PackedColumn], absent: dict[str, str]) -> None:
     try:
-        columns.append(Column("ring", frame.rays.ring))
+        columns.append(PackedColumn("ring", frame.rays.ring))
     except FormatError as error:
         if frame.has("rays"):
             raise

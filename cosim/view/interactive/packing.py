@@ -22,7 +22,7 @@ UNSET = -32768
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class PackedColumn:
     """A quantised value of every point.
 
     Attributes:
@@ -49,14 +49,14 @@ class Column:
         return (zigzag & 0xFF).astype(np.uint8).tobytes() + (zigzag >> 8).astype(np.uint8).tobytes()
 
 
-def quantised(name: str, values: np.ndarray, scale: float, coding: Coding = "i16") -> Column:
+def quantised(name: str, values: np.ndarray, scale: float, coding: Coding = "i16") -> PackedColumn:
     """A column of values (n,) in steps of `scale`, brought within ±32767 steps; NaN becomes `UNSET`."""
     steps = np.clip(np.rint(np.asarray(values, np.float64) / scale), -32767, 32767)
-    return Column(name, np.where(np.isnan(steps), UNSET, np.nan_to_num(steps)).astype(np.int64), scale, coding)
+    return PackedColumn(name, np.where(np.isnan(steps), UNSET, np.nan_to_num(steps)).astype(np.int64), scale, coding)
 
 
 def pack(
-    header: Mapping[str, Any], columns: Sequence[Column], images: Mapping[str, bytes], *, thorough: bool = True
+    header: Mapping[str, Any], columns: Sequence[PackedColumn], images: Mapping[str, bytes], *, thorough: bool = True
 ) -> bytes:
     """Encode a frame.
 

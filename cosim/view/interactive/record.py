@@ -15,7 +15,7 @@ from cosim.errors import CosimError
 from cosim.view.camera_images import camera_parts, straight_image
 from cosim.view.facts import Facts
 from cosim.view.interactive.columns import point_columns, residual_column
-from cosim.view.interactive.packing import Column, pack
+from cosim.view.interactive.packing import PackedColumn, pack
 from cosim.view.interactive.residual import PointResiduals, ResidualTracer
 from cosim.view.objects import Objects, PointInstances, find_objects, labelled_boxes
 from sensors.errors import SensorError
@@ -69,7 +69,7 @@ class FrameRecords:
             return pack({"absent": dict.fromkeys(modes, why_not), "materials": []}, [], {})
         columns = [residual_column(residuals)]
         if "material" in modes:
-            columns.append(Column("material", residuals.material))
+            columns.append(PackedColumn("material", residuals.material))
         materials = _readable(residuals.materials) if "material" in modes else []
         return pack({"absent": {}, "materials": materials}, columns, {}, thorough=self._thorough)
 

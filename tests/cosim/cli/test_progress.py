@@ -10,7 +10,7 @@ from rich.console import Console
 
 from cosim.cli import main
 from cosim.cli.progress import FrameReport, ProgressReport, duration
-from cosim.engine import Event
+from cosim.engine import JobEvent
 from cosim.stats import collect
 
 
@@ -79,9 +79,9 @@ def test_frames_are_counted_from_what_workers_tell():
     report = FrameReport(redirected()[0], starting="building the town", working="recording")
     report.start(5, 50)
     assert report.line().startswith("building the town, 5 of 50 frames")
-    report.follow(Event("ready"))
+    report.follow(JobEvent("ready"))
     for number in range(3):
-        report.follow(Event("frame", f"{number:06d}"))
+        report.follow(JobEvent("frame", f"{number:06d}"))
     assert report.line().startswith("recording, 8 of 50 frames")
     assert report.per_s is not None
 

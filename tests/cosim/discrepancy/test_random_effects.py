@@ -14,7 +14,7 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.linearisation import linearise
-from cosim.discrepancy.selection.refit import Model
+from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.search import gather_evidence
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.drives.twin import write_frame
@@ -81,7 +81,7 @@ def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
 
 def _tested(on: FittedFrames, yard: Yard) -> list[GroupTest]:
     context = context_of(opened(yard.drive), yard.sensor)
-    model = Model(on.frames, on.fitter, on.fitted)
+    model = FittedModel(on.frames, on.fitter, on.fitted)
     groups = effect_groups(linearise(on.fitter, on.fitted, on.frames), context.candidates, (), ())
     return gather_evidence(model, groups, context.settings, 0).results
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.forward.joined import Expected, Replay
+from cosim.discrepancy.forward.joined import Expected, SampleReplay
 from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
 from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 
 @pytest.fixture(scope="module")
-def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
+def replay(tmp_path_factory: pytest.TempPathFactory) -> SampleReplay:
     yard = make_yard(tmp_path_factory.mktemp("yard"), (), frames=3)
     return fit_yard(yard).fitter.sample.replay
 
 
-def one_by_one(replay: Replay, effects: tuple[Effect, ...]) -> Expected:
-    parts = [Replay([one]).expect(effects) for one in replay.frames]
+def one_by_one(replay: SampleReplay, effects: tuple[Effect, ...]) -> Expected:
+    parts = [SampleReplay([one]).expect(effects) for one in replay.frames]
     columns = {
         name: np.concatenate([getattr(part.of, name) for part in parts])
         for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent")
@@ -35,7 +35,7 @@ NAMES = sorted(kind.name for kind in effect_classes().values() if kind.neutral a
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_frames_at_once_and_one_by_one_agree(replay: Replay, name: str) -> None:
+def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) -> None:
     kind = effect_classes()[name]
     effects = (kind.model_validate(kind.example),)
     if any(np.ndim(value) for value in kind.example.values()):
@@ -47,7 +47,7 @@ def test_frames_at_once_and_one_by_one_agree(replay: Replay, name: str) -> None:
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
 
 
-def test_what_was_was_left_is_returned_to(replay: Replay) -> None:
+def test_what_was_was_left_is_returned_to(replay: SampleReplay) -> None:
     kinds = effect_classes()
     turned = kinds["elevation_offset"](offset_deg=0.3)
     before = replay.expect(())

@@ -15,7 +15,7 @@ from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.discrepancy.unknown.families import FAMILIES
 from cosim.discrepancy.unknown.formula import best_formula
 from cosim.discrepancy.unknown.source import effect_source
-from cosim.discrepancy.unknown.terms import Line, Table, singular_pair
+from cosim.discrepancy.unknown.terms import Line, TermTable, singular_pair
 from cosim.drives.sensor_files import write_sensor
 from sensors.pattern import load_pattern
 from sensors.sensor_model import SensorModel, load_sensor
@@ -113,7 +113,7 @@ def test_a_pair_is_the_product_of_its_factors_with_their_units() -> None:
 def test_a_table_names_its_significant_categories() -> None:
     names, y = ("asphalt", "grass", "concrete"), np.array([0.05, 0.001, -0.02])
     unknown = UnknownEffect.of(Curve("range", ("material",), ("",), (names,), y, np.full(3, 0.004)))
-    assert isinstance(unknown.terms[0], Table)
+    assert isinstance(unknown.terms[0], TermTable)
     assert unknown.form == "asphalt: +0.05, concrete: −0.02 and 1 more"
     assert [row[0] for row in unknown.table_rows()] == ["asphalt", "concrete"]
 

@@ -13,10 +13,10 @@ from cosim.driver_discrepancy.evidence import (
     gather_evidence,
 )
 from cosim.driver_discrepancy.scores import compare_scores, noise_floor, noise_floors, score_vehicles
-from cosim.driver_discrepancy.summary import Column, Summary
+from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 
 CHANNELS = ("speed", "acceleration", "headway", "stops")
-COLUMNS = (*(Column(name) for name in CHANNELS), *(Column("speed", "street", f"s{k}") for k in range(6)))
+COLUMNS = (*(SummaryColumn(name) for name in CHANNELS), *(SummaryColumn("speed", "street", f"s{k}") for k in range(6)))
 
 
 def summary(rng: np.random.Generator, shift: dict[int, float], count: int = 60) -> Summary:

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from assets.materials import MATERIAL_NAMES, MATERIALS
 from assets.mesh import Mesh
 from cosim.drives.twin import (
-    Camera,
     Ego,
     Instance,
     Lidar,
+    TwinCamera,
     TwinFrame,
     encode_glb,
     format_materials,
@@ -199,7 +199,7 @@ def _frame(seed: int = 0, instances: int = 3) -> TwinFrame:
         )
         for row in range(instances)
     )
-    camera = Camera(_pose(rng), rng.normal(size=(3, 4)), 1242, 375)
+    camera = TwinCamera(_pose(rng), rng.normal(size=(3, 4)), 1242, 375)
     ego = Ego(_pose(rng), rng.normal(size=3), 0.1, rng.normal(size=3))
     return TwinFrame("000000", 12.3, 0.1, ego, Lidar(_pose(rng), "hdl64e"), {"image_0": camera}, cars)
 

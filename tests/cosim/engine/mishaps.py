@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from cosim.engine import Do, Event, Tell
+from cosim.engine import Do, JobEvent, Tell
 from cosim.errors import CosimError
 
 
@@ -36,7 +36,7 @@ class Mishaps:
         if first or task.always:
             self._meet(task.mishap, tell)
         (self.folder / task.name).write_text(str(os.getpid()))
-        tell(Event("frame", task.name))
+        tell(JobEvent("frame", task.name))
 
     def _meet(self, mishap: str, tell: Tell) -> None:
         match mishap:
@@ -53,6 +53,6 @@ class Mishaps:
             case "long":
                 for _ in range(12):
                     time.sleep(0.25)
-                    tell(Event("alive"))
+                    tell(JobEvent("alive"))
             case "slow":
                 time.sleep(60)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.engine import Event, WorkError
+from cosim.engine import JobEvent, WorkError
 from cosim.engine.cluster import DaskEngine
 from tests.cosim.capture.test_run import checksums, wait_for_frames
 from tests.cosim.conftest import refused
@@ -74,7 +74,7 @@ def done(folder: Path) -> set[str]:
 @pytest.mark.slow
 def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
     (tmp_path / "tasks").mkdir()
-    events: list[Event] = []
+    events: list[JobEvent] = []
     tasks = [Task("a"), Task("b", "killed"), Task("c", "error", always=True), Task("d"), Task("e", "stopped")]
     with cluster(tmp_path / "scratch") as dask:
         dask.worker()

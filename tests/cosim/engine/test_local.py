@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from cosim.engine import Event, LocalEngine, WorkError
+from cosim.engine import JobEvent, LocalEngine, WorkError
 from tests.cosim.engine.mishaps import Mishaps, Task
 
 
 def shared_out(folder, tasks, workers=2, patience_s=60.0):
-    events: list[Event] = []
+    events: list[JobEvent] = []
     skipped = LocalEngine(workers, patience_s).share_out(Mishaps(folder), tasks, events.append)
     return skipped, events
 

@@ -14,7 +14,7 @@ from cosim.recordings.folder import name_numbers
 from cosim.recordings.mapping.motion import motions
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.path_checks import check_path, check_sweep
-from cosim.recordings.mapping.sweep import SweepMotion
+from cosim.recordings.mapping.sweep import SweepEstimate
 from sensors.pattern import Pattern, load_pattern
 from tests.cosim.recordings.simulated import scans
 
@@ -111,8 +111,8 @@ def trajectory(step: np.ndarray, count: int = 8, turns: np.ndarray | None = None
     return Trajectory(poses, motions(poses, turns), (), "made", turns)
 
 
-def sweep(strength: float) -> SweepMotion:
-    return SweepMotion(strength, strength - 0.1, strength + 0.1, np.array([strength]), (1.0, 0.6, 0.6), {})
+def sweep(strength: float) -> SweepEstimate:
+    return SweepEstimate(strength, strength - 0.1, strength + 0.1, np.array([strength]), (1.0, 0.6, 0.6), {})
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_motions_over_missing_scans_are_those_of_one_sweep() -> None:
 
 def test_whether_points_are_compensated_needs_evidence() -> None:
     assert sweep(1.0).is_compensated == "no"
-    unknown = SweepMotion(0.6, -0.2, 1.4, np.array([0.6]), (0.9, 0.9, 0.9), {})
+    unknown = SweepEstimate(0.6, -0.2, 1.4, np.array([0.6]), (0.9, 0.9, 0.9), {})
     assert unknown.is_compensated == "cannot be determined"
-    freed = SweepMotion(0.0, -0.1, 0.1, np.array([0.0]), (0.9, 0.9, 0.9), {})
+    freed = SweepEstimate(0.0, -0.1, 0.1, np.array([0.0]), (0.9, 0.9, 0.9), {})
     assert freed.is_compensated == "yes" and freed.scale == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.drives.kitti import Boxes, Calibration, Labels, write_calibration, write_labels, write_points
-from cosim.stats import Collected, ObjectTable
+from cosim.stats import Collected, LabelledObjects
 from cosim.stats.tally import Scans
 
 CALIBRATION = Calibration(
@@ -44,7 +44,7 @@ def cars(*centres: tuple[float, float, float]) -> Boxes:
 def cloud_of_cars(centre: np.ndarray, frame: np.ndarray, frames: int, yaw: np.ndarray | None = None) -> Collected:
     """A set of cars at given centres in LiDAR axes."""
     count = len(centre)
-    objects = ObjectTable(
+    objects = LabelledObjects(
         frame=frame,
         type=np.full(count, "Car"),
         size=np.tile([4.0, 1.6, 1.5], (count, 1)),

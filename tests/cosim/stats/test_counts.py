@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import DriveError
-from cosim.stats import Collected, FrameSet, ObjectTable, collect, difficulty, summarise
+from cosim.stats import Collected, FrameSet, LabelledObjects, collect, difficulty, summarise
 from cosim.stats.summary import points_per_car
 from tests.cosim.stats.sets import INSIDE, ZEROS, cars, write_frame
 
@@ -94,8 +94,8 @@ def test_a_folder_of_neither_scans_nor_labels_names_both(tmp_path: Path) -> None
         FrameSet(tmp_path)
 
 
-def table(height: float, occluded: int, truncated: float, points: int = 0, distance: float = 10.0) -> ObjectTable:
-    return ObjectTable(
+def table(height: float, occluded: int, truncated: float, points: int = 0, distance: float = 10.0) -> LabelledObjects:
+    return LabelledObjects(
         frame=np.zeros(1, np.int64),
         type=np.array(["Car"]),
         size=np.ones((1, 3)),
@@ -139,7 +139,7 @@ def test_an_easier_level_is_part_of_a_harder_one(height: float, occluded: int, t
 
 @given(st.lists(st.tuples(st.floats(0, 89), st.integers(0, 3000)), min_size=1, max_size=30))
 def test_cars_are_binned_by_distance_without_loss(seen: list[tuple[float, int]]) -> None:
-    objects = ObjectTable.merge(table(50, 0, 0, points, distance) for distance, points in seen)
+    objects = LabelledObjects.merge(table(50, 0, 0, points, distance) for distance, points in seen)
     rows = points_per_car(objects)
     assert sum(row["cars"] for row in rows) == len(seen)
     total = sum(row["cars"] * row["mean"] for row in rows)

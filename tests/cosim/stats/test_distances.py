@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from scipy.stats import ks_2samp, wasserstein_distance
 
 from cosim.stats import Collected, Distance, compare_sets
-from cosim.stats.distance import Pair, Sample
+from cosim.stats.distance import FrameSample, Pair
 from tests.cosim.stats.sets import cloud_of_cars
 
 FRAMES = 20
 values = st.lists(st.floats(-100, 100, allow_subnormal=False), min_size=1, max_size=40)
 
 
-def sample(numbers: list[float] | np.ndarray) -> Sample:
+def sample(numbers: list[float] | np.ndarray) -> FrameSample:
     numbers = np.asarray(numbers, float)
-    return Sample.of(np.arange(len(numbers)) % 3, numbers, 3)
+    return FrameSample.of(np.arange(len(numbers)) % 3, numbers, 3)
 
 
 def once() -> np.ndarray:
@@ -68,7 +68,7 @@ def test_a_histogram_equals_its_values(counts: list[list[int]]) -> None:
     if not table.sum():
         return
     one_by_one = np.repeat(centres, table.sum(0))
-    pair = Pair(Sample.of_histograms(table, centres), sample([1.0]))
+    pair = Pair(FrameSample.of_histograms(table, centres), sample([1.0]))
     assert pair.wasserstein(once(), once())[0] == pytest.approx(wasserstein_distance(one_by_one, [1.0]))
 
 

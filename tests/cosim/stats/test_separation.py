@@ -12,13 +12,13 @@ from cosim.cli import main
 from cosim.drives.kitti import write_calibration, write_points
 from cosim.stats.two_sample.figures import FIGURES, measure_figures
 from cosim.stats.two_sample.patches import Patches
-from cosim.stats.two_sample.separation import Settings, pairwise_auc, separate_sets
+from cosim.stats.two_sample.separation import TwoSampleSettings, pairwise_auc, separate_sets
 from tests.cosim.stats.sets import CALIBRATION
 
 pytest.importorskip("sklearn", reason="the two-sample test needs scikit-learn")
 
 KEYS = [figure.key for figure in FIGURES]
-QUICK = Settings(folds=3, draws=99, trees=20, leaves=7)
+QUICK = TwoSampleSettings(folds=3, draws=99, trees=20, leaves=7)
 
 
 def patches(rng: np.random.Generator, units: int = 12, shift: dict[str, float] | None = None) -> Patches:

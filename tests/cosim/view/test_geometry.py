@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cosim.drives.kitti import Boxes, Calibration, points_in_boxes
 from cosim.view.birds_eye import GroundPlan, draw_from_above
-from cosim.view.projection import View
+from cosim.view.projection import Viewpoint
 from cosim.view.range_image import RangeGrid, nearest_points
 from cosim.view.splatting import NOTHING, shade, splat
 
@@ -72,7 +72,7 @@ def test_the_nearest_of_two_returns_shows_and_silent_beams_stay_empty() -> None:
 
 
 def test_a_view_is_centred_on_its_target_with_left_on_the_left_and_up_on_top() -> None:
-    view = View.looking((-10, 0, 5), (10, 0, 0), width=101, height=61, field_deg=60)
+    view = Viewpoint.looking((-10, 0, 5), (10, 0, 0), width=101, height=61, field_deg=60)
     uv, depth = view.project(np.array([[10.0, 0, 0], [10.0, 2, 0], [10.0, 0, 2]]))
     np.testing.assert_allclose(uv[0], [50, 30])
     assert uv[1, 0] < 50
@@ -81,7 +81,7 @@ def test_a_view_is_centred_on_its_target_with_left_on_the_left_and_up_on_top() -
 
 
 def test_an_enlarged_view_keeps_pixel_positions() -> None:
-    view = View.looking((0, 0, 0), (1, 0, 0), width=50, height=40, field_deg=70)
+    view = Viewpoint.looking((0, 0, 0), (1, 0, 0), width=50, height=40, field_deg=70)
     point = np.array([[7.0, 1.3, -0.4]])
     small, large = view.project(point)[0], view.enlarged(3).project(point)[0]
     np.testing.assert_allclose(large, 3 * (small + 0.5) - 0.5)
@@ -91,7 +91,7 @@ def test_an_enlarged_view_keeps_pixel_positions() -> None:
 def test_a_box_is_drawn_around_the_points_in_it(x: float, y: float, yaw: float, seed: int) -> None:
     turn = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]])
     projection = np.array([[200.0, 0, 100, 0], [0, 200.0, 40, 0], [0, 0, 1, 0]])
-    view = View.of_camera(Calibration(P2=projection, R0_rect=np.eye(3), Tr_velo_to_cam=turn), 2, 200, 80)
+    view = Viewpoint.of_camera(Calibration(P2=projection, R0_rect=np.eye(3), Tr_velo_to_cam=turn), 2, 200, 80)
     box = Boxes(np.array([[x, y, -0.5]]), np.array([[4.0, 1.8, 1.5]]), np.array([yaw]))
     points = np.random.default_rng(seed).uniform([x - 3, y - 3, -1.5], [x + 3, y + 3, 0.5], (300, 3))
     inside = points[points_in_boxes(points, box)[0]]
@@ -102,14 +102,14 @@ def test_a_box_is_drawn_around_the_points_in_it(x: float, y: float, yaw: float, 
 
 
 def test_lines_are_cut_before_the_camera_and_lines_behind_it_are_not_drawn() -> None:
-    view = View.looking((0, 0, 0), (1, 0, 0), width=50, height=40, field_deg=70)
+    view = Viewpoint.looking((0, 0, 0), (1, 0, 0), width=50, height=40, field_deg=70)
     lines = view.segments(np.array([[-5.0, 1, 0], [-5.0, 1, 0]]), np.array([[5.0, 1, 0], [-1.0, 1, 0]]))
     assert lines.shape == (1, 2, 2)
     assert np.isfinite(lines).all()
 
 
 def test_the_nearest_disc_hides_those_behind_it() -> None:
-    view = View.looking((0, 0, 0), (1, 0, 0), width=41, height=41, field_deg=60)
+    view = Viewpoint.looking((0, 0, 0), (1, 0, 0), width=41, height=41, field_deg=60)
     points = np.array([[10.0, 0, 0], [5.0, 0, 0]])
     splats = splat(points, np.array([0.5, 0.2]), view, limits_px=(1, 20))
     assert splats.index[20, 20] == 1

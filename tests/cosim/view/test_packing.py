@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 
 from cosim.drives.kitti import Drive
 from cosim.view.interactive import show_drives
-from cosim.view.interactive.packing import UNSET, Column, pack, quantised
+from cosim.view.interactive.packing import UNSET, PackedColumn, pack, quantised
 from tests.cosim.discrepancy.small_drive import make_yard
 from tests.cosim.view.unpacking import unpacked
 
@@ -25,7 +25,7 @@ from tests.cosim.view.unpacking import unpacked
     st.sampled_from(["i16", "delta"]),
 )
 def test_columns_come_back_to_the_bit(values: np.ndarray, coding: Any) -> None:
-    packed = pack({}, [Column("x", values, 1.0, coding)], {})
+    packed = pack({}, [PackedColumn("x", values, 1.0, coding)], {})
     _, columns, _ = unpacked(packed)
     np.testing.assert_array_equal(columns["x"], values.astype(float))
 
@@ -39,7 +39,7 @@ def test_lengths_come_back_within_half_a_step_and_the_unknown_as_unknown() -> No
 
 
 def test_images_and_header_come_back(labelled_drive: Path) -> None:
-    header, _, images = unpacked(pack({"name": "ü"}, [Column("a", np.arange(7))], {"one": b"12345", "two": b""}))
+    header, _, images = unpacked(pack({"name": "ü"}, [PackedColumn("a", np.arange(7))], {"one": b"12345", "two": b""}))
     assert header["name"] == "ü" and header["points"] == 7
     assert images == {"one": b"12345", "two": b""}
 

@@ -15,7 +15,7 @@ from cosim.drives.writer import OutputError
 from cosim.errors import DriveError
 from cosim.view import choose_frames, write_view
 from cosim.view.captions import Caption
-from cosim.view.page import FrameSection, Missing, Page, Shown, Thumbnail, format_page
+from cosim.view.page import FrameSection, Missing, Page, ShownPicture, Thumbnail, format_page
 
 NASTY = "<script>\"'&{0}"
 
@@ -112,7 +112,7 @@ def test_the_same_drive_gives_the_same_bytes(labelled_drive: Path, tmp_path: Pat
 
 def test_odd_names_are_escaped() -> None:
     caption = Caption("key", NASTY, NASTY)
-    shown = Shown(f"pictures/{NASTY} x.png", caption, 10, 10)
+    shown = ShownPicture(f"pictures/{NASTY} x.png", caption, 10, 10)
     section = FrameSection(NASTY, [(NASTY, NASTY)], [shown], [Missing(NASTY, NASTY)])
     thumbnail = Thumbnail(NASTY, f"pictures/{NASTY}.png", 10, 10, True)
     text = format_page(Page(NASTY, [(NASTY, NASTY)], [NASTY], [thumbnail], [section]))

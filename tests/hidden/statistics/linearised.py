@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.dictionary.groups import Group
-from cosim.discrepancy.dictionary.linearisation import Channel, Linearisation
+from cosim.discrepancy.dictionary.linearisation import Linearisation, LinearisedChannel
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Clusters
 from cosim.discrepancy.inference.score import Evidence, Factored
@@ -82,7 +82,7 @@ def linearised(
     u = np.zeros(tracks) if estimate is None else estimate
     prediction = SimpleNamespace(seen=np.full(n, 0.93))
     fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
-    channels = {name: Channel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
+    channels = {name: LinearisedChannel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
     return Linearisation(fitter, fitted, (), fitted.prediction, evidence, channels, mixed)
 
 

@@ -7,18 +7,18 @@ import pytest
 
 from cosim.drives.kitti import Drive, points_in_boxes
 from tests.training.tiny_drive import car_points
-from training.data import IGNORED, Augment, ObjectBank, Sample, Source, augment, read_sample, read_samples
+from training.data import IGNORED, Augment, FrameSource, ObjectBank, TrainingSample, augment, read_sample, read_samples
 from training.data.object_bank import as_boxes
 from training.errors import TrainingError
 from training.evaluation.rotated_overlap import paired_intersections
 
 
-def sample(rng: np.random.Generator, name: str = "a", cars: int = 3) -> Sample:
+def sample(rng: np.random.Generator, name: str = "a", cars: int = 3) -> TrainingSample:
     boxes = np.zeros((cars, 7), np.float32)
     boxes[:, 0], boxes[:, 1] = 10 + 9 * np.arange(cars), rng.uniform(-8, 8, cars)
     boxes[:, 3:6], boxes[:, 6] = [3.9, 1.6, 1.5], rng.uniform(-3, 3, cars)
     points = np.concatenate([car_points(box, rng) for box in boxes]).astype(np.float32)
-    return Sample(name, points, boxes, np.zeros(cars, np.int64))
+    return TrainingSample(name, points, boxes, np.zeros(cars, np.int64))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -85,12 +85,14 @@ def street(rng: np.random.Generator, height_m: float) -> np.ndarray:
 def test_objects_put_in_stand_as_high_above_the_ground_as_they_stood():
     rng = np.random.default_rng(6)
     low, above = -2.4, 0.04
-    empty = Sample("low", street(rng, low), np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
+    empty = TrainingSample("low", street(rng, low), np.zeros((0, 7), np.float32), np.zeros(0, np.int64))
     cars = sample(rng)
     for table in (cars.boxes, cars.points):
         table[:, 2] -= 1.0
     bottom = float(cars.boxes[0, 2] - cars.boxes[0, 5] / 2)
-    donor = Sample("high", np.concatenate([cars.points, street(rng, bottom - above)]), cars.boxes, cars.class_ids)
+    donor = TrainingSample(
+        "high", np.concatenate([cars.points, street(rng, bottom - above)]), cars.boxes, cars.class_ids
+    )
     filled = ObjectBank([donor], {0: 3}).fill(empty, rng)
     assert len(filled.boxes) == 3
     assert filled.boxes[:, 2] - filled.boxes[:, 5] / 2 == pytest.approx(low + above, abs=0.02)
@@ -112,4 +114,4 @@ def test_an_empty_training_set_is_named(tiny_drive):
     with pytest.raises(TrainingError, match="empty"):
         read_samples([], ["Car"])
     with pytest.raises(TrainingError, match="none of its 4 frames has a labelled Cyclist"):
-        read_samples([Source(drive=tiny_drive)], ["Cyclist"])
+        read_samples([FrameSource(drive=tiny_drive)], ["Cyclist"])

@@ -7,7 +7,7 @@ import torch
 
 from tests.training.tiny_drive import car_points
 from training.data.batch import collate
-from training.data.frame import Sample
+from training.data.frame import TrainingSample
 from training.data.level_ground import LEVEL_M, find_ground
 from training.models.settings import ModelSettings
 
@@ -19,7 +19,7 @@ def slope(x, y):
     return LEVEL_M + 0.03 * x - 0.04 * y + 0.1
 
 
-def street(seed: int = 0) -> Sample:
+def street(seed: int = 0) -> TrainingSample:
     """Points on that street, thinner the farther, with cars and a wall on it."""
     rng = np.random.default_rng(seed)
     away, angle = rng.uniform(4, 55, 12000), rng.uniform(-0.7, 0.7, 12000)
@@ -31,7 +31,7 @@ def street(seed: int = 0) -> Sample:
     wall_x = rng.uniform(5, 50, 3000)
     wall = np.column_stack([wall_x, np.full(3000, 8.0), slope(wall_x, 8.0) + rng.uniform(0, 4, 3000), np.ones(3000)])
     points = np.concatenate([ground, wall, *(car_points(box, rng) for box in boxes)]).astype(np.float32)
-    return Sample("street", points, boxes.astype(np.float32), np.zeros(3, np.int64))
+    return TrainingSample("street", points, boxes.astype(np.float32), np.zeros(3, np.int64))
 
 
 def test_the_ground_of_a_slope_is_detected_also_where_cars_hide_it():
@@ -59,6 +59,6 @@ def test_where_nothing_is_seen_the_ground_is_level():
 def test_a_higher_sensor_sees_the_same_cars_on_level_ground():
     here, up = street(), np.float32([0, 0, 0.2])
     moved = np.pad(up, (0, 4))
-    lifted = Sample("lifted", here.points + moved[:4], here.boxes + moved, here.class_ids)
+    lifted = TrainingSample("lifted", here.points + moved[:4], here.boxes + moved, here.class_ids)
     told = [find_ground(collate([some]).points, 1, GRID).levelled(collate([some])).boxes[0] for some in (here, lifted)]
     assert torch.allclose(*told, atol=0.03)

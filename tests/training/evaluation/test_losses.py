@@ -14,7 +14,7 @@ from tests.training.evaluation.scenes import as_detections, objects, perfect
 from training.evaluation import pair_frames
 from training.evaluation.losses.box_errors import box_errors
 from training.evaluation.losses.faults import BOX_PARTS, OTHER_KINDS, find_faults
-from training.evaluation.losses.split import Split, draw_frames, parts_of_loss, split_loss
+from training.evaluation.losses.split import LossSplit, draw_frames, parts_of_loss, split_loss
 
 FRAMES, ROWS = 20, 4
 
@@ -43,11 +43,11 @@ def moved(detections: Labels, rows: slice, **by: object) -> Labels:
     return replace(detections, **columns)
 
 
-def split(labels: list[Labels], detections: list[Labels], metric="3d") -> Split:
+def split(labels: list[Labels], detections: list[Labels], metric="3d") -> LossSplit:
     return split_loss(find_faults(pair_frames(labels, detections), "Car", metric))
 
 
-def sole_loss(detections: Labels, metric="3d") -> tuple[str, Split]:
+def sole_loss(detections: Labels, metric="3d") -> tuple[str, LossSplit]:
     """The one kind that takes anything."""
     lost = split(scene(), [detections] * FRAMES, metric)
     (kind,) = [kind for kind, share in lost.share.items() if abs(share) > 1e-9]

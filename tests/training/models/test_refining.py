@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 
 from tests.training.tiny_drive import GROUND_M, car_points  # noqa: E402
 from training.checkpoints import load_detector, load_weights, save_checkpoint  # noqa: E402
-from training.data import IGNORED, Sample  # noqa: E402
+from training.data import IGNORED, TrainingSample  # noqa: E402
 from training.data.batch import collate  # noqa: E402
 from training.models.build import build_detector  # noqa: E402
 from training.models.point_refiner import PointRefiner  # noqa: E402
@@ -104,7 +104,10 @@ def test_half_of_the_regions_are_on_objects_and_none_is_only_on_an_ignored_one()
     points, boxes = (some.numpy() for some in seen())
     class_ids = np.array([0, IGNORED])
     batch = collate(
-        [Sample("a", points[:, 1:], boxes, class_ids), Sample("empty", points[:, 1:], boxes[:0], class_ids[:0])]
+        [
+            TrainingSample("a", points[:, 1:], boxes, class_ids),
+            TrainingSample("empty", points[:, 1:], boxes[:0], class_ids[:0]),
+        ]
     )
     far = torch.tensor(boxes[:1]) + torch.arange(1, 30)[:, None] * torch.tensor([0.5, 0, 0, 0, 0, 0, 0])
     offered = torch.cat([torch.tensor(boxes), far])
@@ -134,7 +137,7 @@ def test_a_second_stage_is_added_to_a_trained_first_stage(tmp_path):
 
 def test_intensities_have_no_influence_on_a_detector_without_them():
     points, boxes = seen()
-    sample = Sample("cars", points[:, 1:].numpy(), boxes.numpy(), np.zeros(len(boxes), np.int64))
+    sample = TrainingSample("cars", points[:, 1:].numpy(), boxes.numpy(), np.zeros(len(boxes), np.int64))
     bright = replace(sample, points=sample.points * np.float32([1, 1, 1, 0]) + np.float32([0, 0, 0, 0.7]))
     found = {}
     for told in (False, True):

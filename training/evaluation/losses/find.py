@@ -14,7 +14,7 @@ from training.evaluation.bootstrap import interval
 from training.evaluation.evaluate import evaluate
 from training.evaluation.losses.box_errors import BoxErrors, box_errors
 from training.evaluation.losses.faults import BOX_PARTS, OTHER_KINDS, Faults, find_faults
-from training.evaluation.losses.split import Part, Split, draw_frames, parts_of_loss, split_loss
+from training.evaluation.losses.split import LossSplit, Part, draw_frames, parts_of_loss, split_loss
 from training.evaluation.read import Scored
 from training.evaluation.rules import DIFFICULTIES, Metric
 from training.evaluation.slices import points_in_rows
@@ -42,7 +42,7 @@ class Losses:
     title: str
     frames: int
     r40: dict[Metric, float]
-    splits: dict[Metric, Split]
+    splits: dict[Metric, LossSplit]
     parts: dict[Metric, dict[str, list[Part]]]
     errors: list[BoxErrors]
 
@@ -119,7 +119,7 @@ def as_json(name: str, difficulty: str, sets: list[Losses]) -> dict[str, Any]:
     }
 
 
-def difference(first: Split, second: Split) -> dict[str, tuple[float, tuple[float, float] | None]]:
+def difference(first: LossSplit, second: LossSplit) -> dict[str, tuple[float, tuple[float, float] | None]]:
     """Difference first − second of `ap` and of each share, with its 95 % interval if frames were drawn."""
     values = {"ap": first.ap - second.ap}
     values |= {kind: first.share[kind] - second.share[kind] for kind in first.share}
@@ -129,7 +129,7 @@ def difference(first: Split, second: Split) -> dict[str, tuple[float, tuple[floa
     return {key: (value, interval(drawn[:, column])) for column, (key, value) in enumerate(values.items())}
 
 
-def intervals(split: Split) -> dict[str, tuple[float, float] | None]:
+def intervals(split: LossSplit) -> dict[str, tuple[float, float] | None]:
     """95 % intervals of `ap` and of the share of each kind; None without draws."""
     names = ("ap", *split.share)
     return {key: interval(split.drawn[:, column]) if len(split.drawn) else None for column, key in enumerate(names)}

@@ -11,7 +11,7 @@ from cosim.report.html import fill
 from cosim.report.phrases import listed
 from training.evaluation.losses.box_errors import PARTS
 from training.evaluation.losses.find import SPLIT, Losses, difference, intervals
-from training.evaluation.losses.split import Part, Split
+from training.evaluation.losses.split import LossSplit, Part
 from training.evaluation.rules import Metric
 
 KINDS = {
@@ -141,7 +141,7 @@ def _format_parts(losses: Losses) -> str:
     return section(f"By subset: {losses.title}", *tables, text=text)
 
 
-def _part_table(items: Sequence[Part], split: Split) -> str:
+def _part_table(items: Sequence[Part], split: LossSplit) -> str:
     error_types = [kind for kind in KINDS if kind in split.share]
     most = max((part.gain.get(kind, 0.0) for part in items for kind in error_types), default=0.0)
     rows = [

@@ -24,7 +24,7 @@ _THRESHOLDS = 100  # maximum number of scores per curve: hundreds of curves are 
 
 
 @dataclass(frozen=True, eq=False)
-class Split:
+class LossSplit:
     """The loss of average precision [%] of a class by a metric at a difficulty.
 
     Attributes:
@@ -51,7 +51,7 @@ class Part:
     gain: dict[str, float]
 
 
-def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable[[], None] = lambda: None) -> Split:
+def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable[[], None] = lambda: None) -> LossSplit:
     """Split the loss among all error types.
 
     Args:
@@ -66,7 +66,7 @@ def split_loss(faults: Faults, times: np.ndarray | None = None, on_set: Callable
         on_set()
     shares = np.stack([_shapley(reached, kind, error_types) for kind in error_types], -1)
     ap = reached[frozenset()]
-    return Split(
+    return LossSplit(
         faults,
         float(ap[0]),
         {kind: float(value) for kind, value in zip(error_types, shares[0], strict=True)},

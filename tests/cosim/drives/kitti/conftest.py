@@ -26,7 +26,7 @@ from cosim.drives.kitti import (
     write_rays,
 )
 from cosim.drives.kitti.frame import PARTS
-from cosim.drives.twin import Camera, Ego, Lidar, TwinFrame, write_frame, write_glb, write_materials
+from cosim.drives.twin import Ego, Lidar, TwinCamera, TwinFrame, write_frame, write_glb, write_materials
 
 NAMES = ("000000", "000001", "000002")
 CALIBRATION = Calibration(
@@ -57,7 +57,7 @@ def drive_root(tmp_path: Path) -> Path:
         (root / f"image_0/{name}.png").write_bytes(encode_gray(np.full((100, 160), row, np.uint8)))
         (root / f"image_2/{name}.png").write_bytes(encode_rgb(np.full((100, 160, 3), row, np.uint8)))
         (root / f"depth_0/{name}.png").write_bytes(encode_depth(np.full((100, 160), row + 1.0)))
-        cameras = {"image_0": Camera(np.eye(4), CALIBRATION.P2, 160, 100)}
+        cameras = {"image_0": TwinCamera(np.eye(4), CALIBRATION.P2, 160, 100)}
         ego = Ego(np.eye(4), np.zeros(3), 0.0, np.zeros(3))
         frame = TwinFrame(name, row / 10, 0.1, ego, Lidar(np.eye(4), "hdl64e"), cameras, ())
         write_frame(root / f"twin/frames/{name}.json", frame)
