@@ -1,4 +1,4 @@
-"""Errors that all beams of a unit share: a firing, a packet, a sector, a scan, or a ring in a scan.
+"""Errors that all beams of a unit share: a firing, a packet, a sector, a scan, a block or a ring in a scan.
 
 Each unit of each scan draws one standard normal number z from the effect's own random stream.
 """
@@ -21,7 +21,7 @@ from sensors.shot import Shot
 PACKET_FIRINGS = 6  # HDL-64E and HDL-64E S2; 12 of an HDL-32E, 24 of a VLP-16
 SECTORS = 36
 STEEPEST_M_PER_RAD = 300.0
-UNITS = ("firing", "packet", "sector", "scan", "ring")
+UNITS = ("firing", "packet", "sector", "scan", "block", "ring")
 
 
 class SharedEffect(Effect):
@@ -40,7 +40,7 @@ class SharedEffect(Effect):
         return self._unit(returns, shot)[0]
 
     def draw(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> np.ndarray:
-        """Return a standard normal number (m,) of each return, one a unit."""
+        """Return a standard normal number (m,) for each return, one per unit."""
         unit, count = self._unit(returns, shot)
         return rng.standard_normal(count)[unit]
 
@@ -57,6 +57,7 @@ class SharedEffect(Effect):
             "packet": lambda: (of(returns) // self.unit_size, -(-firings // self.unit_size)),
             "sector": lambda: (of(returns) * self.unit_size // firings, self.unit_size),
             "scan": lambda: (np.zeros(len(returns), int), 1),
+            "block": lambda: (shot.block[returns.beam].astype(int), 2),
             "ring": lambda: (shot.rays.ring[returns.beam].astype(int), shot.pattern.rings),
         }
         if self.shared_by not in units:

@@ -14,9 +14,8 @@ import numpy as np
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES
+from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
-UNITS = ("firing", "packet", "sector", "scan", "block", "ring")
-_PACKET, _FEW_SECTORS = 6, 36
 _WIDEST = 0.999  # quantile of scores to which larger ones are clipped
 
 
@@ -69,8 +68,8 @@ def unit_codes(linearisation: Linearisation) -> dict[str, np.ndarray]:
     firings = int(sample.firing.max(initial=0)) + 1
     codes = {
         "firing": sample.frame * firings + sample.firing,
-        "packet": sample.frame * firings + sample.firing // _PACKET,
-        "sector": sample.frame * _FEW_SECTORS + sample.firing * _FEW_SECTORS // firings,
+        "packet": sample.frame * firings + sample.firing // PACKET_FIRINGS,
+        "sector": sample.frame * SECTORS + sample.firing * SECTORS // firings,
         "scan": sample.frame,
         "ring": sample.frame * (int(sample.ring.max(initial=0)) + 1) + sample.ring,
     }

@@ -171,7 +171,7 @@ def test_a_sensor_file_with_unknown_effects_loads_from_where_it_is(tmp_path: Pat
         ({"y": np.zeros(3)}, "y has shape"),
         ({"units": ("m", "s")}, "different lengths"),
         ({"sigma": np.full(30, np.nan)}, "no value of y is known"),
-        ({"channel": "shared_range"}, "choose one of firing, packet, sector, scan, ring"),
+        ({"channel": "shared_range"}, "choose one of firing, packet, sector, scan, block, ring"),
     ],
 )
 def test_curves_that_make_no_sense_are_refused(change: dict, complaint: str) -> None:
