@@ -13,7 +13,8 @@ from cosim.discrepancy.candidates import candidate_effects
 from cosim.discrepancy.data.checks import undetermined_effects
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split, split_drive, split_frames
-from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.settings import DEFAULT, Settings

@@ -34,8 +34,8 @@ from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.evidence_matrix import evidence_matrix
 from cosim.discrepancy.inference.dependence import SPURIOUS
-from cosim.discrepancy.inference.fit import all_free
 from cosim.discrepancy.inference.intervals import intervals
+from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.selection.curves import curve_of
 from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
 from cosim.discrepancy.selection.search import SelectionEvidence, select_terms

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.candidates import Unknown, unknowns, with_values
+from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.dependence import (
     Dependence,
     apply_changes,
@@ -22,26 +22,20 @@ from cosim.discrepancy.inference.dependence import (
 )
 from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.parameters import (
+    DerivativeCache,
+    Free,
+    apply_step,
+    deviations,
+    has_moved,
+    list_numbers,
+    updated_prior_precisions,
+)
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
 from cosim.discrepancy.inference.search import is_searched, search_parameters
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import BeamEffect, Effect, NoiseEffect, RoundingEffect, ScanEffect
-
-_CACHED_MODELS = 4  # number of models whose derivatives are cached
-
-
-@dataclass(frozen=True)
-class Free:
-    """A fitted parameter.
-
-    Attributes:
-        effect: index of the effect in the model.
-        unknown: the parameter of this effect.
-    """
-
-    effect: int
-    unknown: Unknown
+from sensors.effects.base import BeamEffect, Effect, NoiseEffect, ScanEffect
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,68 +77,6 @@ class _State:
     bare: Prediction
     prediction: Prediction
     residuals: Residuals
-
-
-@dataclass(frozen=True, eq=False)
-class _CachedDerivatives:
-    """Derivatives of one model.
-
-    Attributes:
-        effects: effects at whose parameters the derivatives were computed.
-        columns: derivative of the prediction for each free parameter.
-        is_exact: whether all were computed with all effects.
-    """
-
-    effects: tuple[Effect, ...]
-    columns: dict[Free, Column]
-    is_exact: bool
-
-
-class DerivativeCache:
-    """Cache of the derivatives with respect to effect parameters, and of the parameter values they belong to."""
-
-    def __init__(self) -> None:
-        self._entries: list[_CachedDerivatives] = []
-
-    def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], *, simplified: bool) -> dict[Free, Column]:
-        """Return the cached derivatives that are valid near these effects; entries added to the result are cached.
-
-        Args:
-            effects: effects of the model.
-            free: free parameters of the model.
-            simplified: whether derivatives of a model without the last effects are accepted.
-        """
-        for entry in self._entries:
-            if (entry.is_exact or simplified) and _is_near(entry.effects, effects, free):
-                return entry.columns
-        entry = _CachedDerivatives(effects, {}, is_exact=True)
-        for smaller in self._entries if simplified else ():
-            size = len(smaller.effects)
-            if _is_near(smaller.effects, effects[:size], [parameter for parameter in free if parameter.effect < size]):
-                entry = _CachedDerivatives(effects, dict(smaller.columns), is_exact=False)
-                break
-        self._entries = [entry, *self._entries[: _CACHED_MODELS - 1]]
-        return entry.columns
-
-
-def _is_near(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
-    """Whether two models differ only in values of free parameters, and by less than the step of each."""
-    return _differ_only_in(reference, effects, free) and not _has_moved(reference, effects, free)
-
-
-def _differ_only_in(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
-    """Whether two models differ only in the values of free parameters."""
-    if len(reference) != len(effects):
-        return False
-    names: dict[int, set[str]] = {}
-    for parameter in free:
-        names.setdefault(parameter.effect, set()).add(parameter.unknown.name)
-    for index, (old, new) in enumerate(zip(reference, effects, strict=True)):
-        if type(old) is not type(new):
-            return False
-        if old != new and old.model_dump(exclude=names.get(index)) != new.model_dump(exclude=names.get(index)):
-            return False
-    return True
 
 
 class Fitter:
@@ -416,13 +348,11 @@ class Fitter:
         """Run Gauss–Newton steps at one blur [m]; variances of the random effects are updated after each step."""
         state, reference = replace(state, residuals=self.residuals(state.prediction, state.estimate, blur)), None
         slopes: tuple[Column, ...] = ()
-        lists = self._list_numbers(state.effects, free)
+        lists = list_numbers(state.effects, free) * self.sample.of_own_map
         precision = np.zeros(len(lists))
 
         def objective(candidate: _State) -> float:
-            return self._penalised_loglik(candidate) - 0.5 * float(
-                precision @ _deviations(candidate.effects, free) ** 2
-            )
+            return self._penalised_loglik(candidate) - 0.5 * float(precision @ deviations(candidate.effects, free) ** 2)
 
         for number in range(steps):
             state = self._optimise_albedo(state, blur)
@@ -433,11 +363,11 @@ class Fitter:
             if blur == 0.0 and number in (1, 2, 4):
                 initialised = self.random.initialise_variances(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=initialised)
-            if reference is None or _has_moved(reference, state.effects, free):
+            if reference is None or has_moved(reference, state.effects, free):
                 reference, slopes = state.effects, self.slopes(state.effects, free, state.bare, simplified=simplified)
             columns = self._columns(state, free, slopes)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
-            prior = self._prior(model, state, precision, _deviations(state.effects, free))
+            prior = self._prior(model, state, precision, deviations(state.effects, free))
             step, change_u = model.step(state.estimate, self._min_identified_share(free), prior)
             step, change_c = step[: len(lists)], step[len(lists) :]
             step = self._remove_common_gain(state.effects, free, step)
@@ -450,7 +380,7 @@ class Fitter:
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
                 terms = _step_dependences(state.dependences, fraction * change_c)
                 candidates = [
-                    self._state(_apply_step(state.effects, free, fraction * mask * step), moved, blur, terms)
+                    self._state(apply_step(state.effects, free, fraction * mask * step), moved, blur, terms)
                     for mask in masks
                 ]
                 trial = max(
@@ -462,7 +392,7 @@ class Fitter:
                     break
             if lists.any():
                 information = model.fixed_information[: len(lists), : len(lists)] + np.diag(precision)
-                precision = _updated_prior_precisions(lists, _deviations(state.effects, free), information)
+                precision = updated_prior_precisions(lists, deviations(state.effects, free), information)
             after = self.random.update_variances(state.estimate, model.solver)
             is_stationary = bool(
                 np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12)
@@ -549,17 +479,6 @@ class Fitter:
             at += parameter.unknown.rings
         return step
 
-    def _list_numbers(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray:
-        """(p,) int number of the per-laser list that each parameter belongs to, from 1; 0 for all other parameters.
-
-        Only for maps made from the scans. There, on level ground, elevation errors in proportion to the beams' slopes
-        are confounded with the sensor's height. Per-laser parameters therefore get a normal prior around the neutral
-        value, whose variance is estimated.
-        """
-        own_map = self.sample.of_own_map
-        lists = [bool(p.unknown.rings > 1 and own_map and type(effects[p.effect]).neutral) for p in free]
-        return np.repeat(np.cumsum(lists, dtype=int) * lists, [parameter.unknown.rings for parameter in free])
-
     def _step_masks(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
         """Masks (p,) of the step that are tried: all parameters; on maps made from the scans also all but the noise."""
         rings = np.array([parameter.unknown.rings for parameter in free], int)
@@ -582,19 +501,6 @@ class Fitter:
         return self._penalised_loglik(state) - 0.5 * model.shrinkage()
 
 
-def all_free(effects: Sequence[Effect], indices: Sequence[int], rings: int) -> tuple[Free, ...]:
-    """All parameters of the effects at the given indices that can be fitted; per-laser lists only of length `rings`."""
-    parameters = []
-    for index in indices:
-        if isinstance(effects[index], RoundingEffect):
-            continue  # a rounding step cannot be estimated from residuals; see `quantization.py`
-        for unknown in unknowns(type(effects[index])):
-            length = np.size(getattr(effects[index], unknown.name))
-            if unknown.rings == 1 or length == rings:
-                parameters.append(Free(index, unknown))
-    return tuple(parameters)
-
-
 def _step_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tuple[Dependence, ...]:
     """Add a step (c,) to the coefficients of all dependences; shares of spurious returns are fitted elsewhere."""
     moved, start = [], 0
@@ -603,44 +509,3 @@ def _step_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tu
         moved.append(replace(dependence, coefficients=dependence.coefficients + part))
         start += dependence.size
     return tuple(moved)
-
-
-def _deviations(effects: tuple[Effect, ...], free: Sequence[Free]) -> np.ndarray:
-    """(p,) deviations of per-laser parameters from the neutral value; 0 for other parameters."""
-    deviations = [np.zeros(0)]
-    for parameter in free:
-        effect, name, deviation = effects[parameter.effect], parameter.unknown.name, np.zeros(parameter.unknown.rings)
-        if parameter.unknown.rings > 1 and effect.neutral is not None:
-            deviation = np.asarray(getattr(effect, name), float) - np.ravel(effect.neutral[name])[0]
-        deviations.append(deviation)
-    return np.concatenate(deviations)
-
-
-def _updated_prior_precisions(lists: np.ndarray, deviations: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """Precisions (p,) of the priors of per-laser lists after one EM step (Dempster, Laird and Rubin, 1977)."""
-    spread = deviations**2 + np.diag(np.linalg.pinv(information, hermitian=True))
-    precisions = np.zeros(len(lists))
-    for number in range(1, int(lists.max()) + 1):
-        precisions[lists == number] = 1 / max(float(spread[lists == number].mean()), 1e-12)
-    return precisions
-
-
-def _has_moved(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
-    """Whether a parameter has moved by more than its step size, so that cached derivatives are no longer valid."""
-    moves = [
-        np.subtract(*(getattr(model[parameter.effect], parameter.unknown.name) for model in (reference, effects)))
-        for parameter in free
-    ]
-    return any(np.any(np.abs(move) > parameter.unknown.step) for move, parameter in zip(moves, free, strict=True))
-
-
-def _apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:
-    """Add a step (p,) to the free parameters."""
-    changed, start = list(effects), 0
-    for parameter in free:
-        value = np.asarray(getattr(changed[parameter.effect], parameter.unknown.name), float)
-        part = step[start : start + parameter.unknown.rings]
-        start += parameter.unknown.rings
-        moved = value + (part if value.ndim else part[0])
-        changed[parameter.effect] = with_values(changed[parameter.effect], {parameter.unknown.name: moved})
-    return tuple(changed)

@@ -14,8 +14,9 @@ import numpy as np
 from scipy import stats
 
 from cosim.discrepancy.candidates import Unknown, with_values
-from cosim.discrepancy.inference.fit import Fitted, Fitter, Free
+from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.parameters import Free
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Column, ridged, stacked
 from cosim.discrepancy.inference.search import interval_widening, likelihood_interval

@@ -16,7 +16,8 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.objects import object_groups
 from cosim.discrepancy.dictionary.periodic import line_group, wave_groups
 from cosim.discrepancy.inference.dependence import Dependence
-from cosim.discrepancy.inference.fit import Fitted, Fitter, all_free
+from cosim.discrepancy.inference.fit import Fitted, Fitter
+from cosim.discrepancy.inference.parameters import all_free
 from sensors.effects.base import Effect
 
 _REFIT_STEPS = 10

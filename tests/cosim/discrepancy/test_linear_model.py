@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from cosim.discrepancy.inference.fit import _updated_prior_precisions
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.parameters import updated_prior_precisions
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Evidence
 
@@ -30,7 +30,7 @@ def test_prior_of_per_laser_parameters_suppresses_only_the_direction_that_is_bar
     assert slope @ plain == pytest.approx(5, rel=0.2)
     lasers, step, precision = np.ones(LASERS, int), plain, np.zeros(LASERS)
     for _ in range(6):
-        precision = _updated_prior_precisions(lasers, step, model.fixed_information + np.diag(precision))
+        precision = updated_prior_precisions(lasers, step, model.fixed_information + np.diag(precision))
         step, _ = model.step(estimate, 0.0, (precision, np.zeros(LASERS)))
     assert abs(slope @ step) < 0.1
     aside = step - slope * (slope @ step)

@@ -123,5 +123,5 @@ def test_a_damaged_map_is_refused(tmp_path: Path) -> None:
     del arrays["normal"]
     with pytest.raises(FormatError, match="missing normal"):
         Maps(drive_with(tmp_path / "lacks", arrays)).of(None)
-    with pytest.raises(FormatError, match="no row a surface"):
+    with pytest.raises(FormatError, match="one row per surface"):
         Maps(drive_with(tmp_path / "short", wall(sd_m=np.ones(3)))).of(None)

@@ -95,7 +95,7 @@ def test_other_side_of_an_edge_is_the_surface_hit_by_the_neighbouring_beam(conte
     assert np.mean(truth) > 0.9
 
 
-@pytest.mark.usefixtures("known_shares")
+@pytest.mark.usefixtures("true_shares")
 def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(context: Context, frames) -> None:
     sample = _sampled(frames, 6_000)
     expected = _expected(context, sample)
@@ -124,7 +124,7 @@ def test_a_beam_near_an_edge_returns_from_somewhere_or_not_at_all(context: Conte
     np.testing.assert_allclose(whole[~several], 1, atol=2e-3)
 
 
-@pytest.mark.usefixtures("known_shares")
+@pytest.mark.usefixtures("true_shares")
 def test_scores_of_both_sides_are_slopes_of_the_mixture(context: Context, frames) -> None:
     sample = _sampled(frames)
     expected, step = _expected(context, sample), 1e-6

@@ -14,7 +14,7 @@ from cosim.cli import main
 from cosim.discrepancy.analysis import context_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import fit_nuisances
-from cosim.discrepancy.inference.fit import all_free
+from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
@@ -196,13 +196,13 @@ def test_a_tunnel_holds_no_scan_along_it_however_sharp_its_map() -> None:
     assert held["tunnel"] < 0.001 and held["hall"] > 0.02
 
 
-def test_standing_scans_are_said_to_tell_little(tmp_path: Path) -> None:
+def test_notes_report_that_stationary_scans_are_not_sufficient(tmp_path: Path) -> None:
     pytest.importorskip("kiss_icp")
     still = np.repeat(np.eye(4)[None], 6, 0)
     recording = open_recording(record(tmp_path / "scans", still, load_pattern("vlp16")))
     assert find_trajectory(recording, 0.1).standing
     made = write_recording_twin(recording, tmp_path / "twin")
-    assert any("seen from one place" in note for note in made.notes)
+    assert any("seen from one position" in note for note in made.notes)
     assert made.made.trusted[made.made.ground].mean() < 0.1  # cells with points of a single laser
 
 
@@ -210,7 +210,7 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
     folder = record(tmp_path / "scans", path(4), load_pattern("vlp16"))
     assert "4 scans; a map needs five" in refused("twin", folder, "--out", tmp_path / "out")
     recording = open_recording(record(tmp_path / "more", path(5), load_pattern("vlp16")))
-    with pytest.raises(RecordingError, match="leave --pattern out"):
+    with pytest.raises(RecordingError, match="omit --pattern"):
         write_recording_twin(recording, tmp_path / "out", pattern="hdl64e")
     with pytest.raises(OutputError, match="the recording itself"):
         write_recording_twin(recording, tmp_path / "more")
