@@ -206,11 +206,13 @@ def tabulated(values: dict[str, Any], folder: Path | None) -> dict[str, Any]:
         name = Path(str(values.pop("directions")))
         values["table"] = read_table(name if name.is_absolute() or folder is None else folder / name)
     elif "rosette" in values:
-        said = values.pop("rosette")
-        values["table"] = rosette(_of(said, "prisms"), _of(said, "beams_per_s"), sweep_s)
+        message = values.pop("rosette")
+        values["table"] = rosette(_of(message, "prisms"), _of(message, "beams_per_s"), sweep_s)
     elif "raster" in values:
-        said = values.pop("raster")
-        values["table"] = raster(_of(said, "span_deg"), _of(said, "columns"), _of(said, "elevation_deg"), sweep_s)
+        message = values.pop("raster")
+        values["table"] = raster(
+            _of(message, "span_deg"), _of(message, "columns"), _of(message, "elevation_deg"), sweep_s
+        )
     return values
 
 

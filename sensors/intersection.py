@@ -53,11 +53,11 @@ def _instances_near(
     corners = {name: np.abs(scene.model(name).bounds).max(0) for name in set(instances.models)}
     corner = np.array([corners[name] for name in instances.models]) * instances.scales
     radius = np.linalg.norm(corner, axis=1).astype(np.float32) + _SLACK_M
-    place = (instances.poses[:, :3, 3] - centre).astype(np.float32)
+    position = (instances.poses[:, :3, 3] - centre).astype(np.float32)
     velocity = instances.velocity_mps.astype(np.float32)
     travel = np.linalg.norm(velocity, axis=1) * float(np.abs(time_s).max())
     low, high = start[:, :2].min(0), start[:, :2].max(0)
-    apart = np.linalg.norm(np.maximum(np.maximum(low - place[:, :2], place[:, :2] - high), 0), axis=1)  # at least
+    apart = np.linalg.norm(np.maximum(np.maximum(low - position[:, :2], position[:, :2] - high), 0), axis=1)  # at least
     rows = np.flatnonzero(apart <= limit.max() + radius + travel)
     found: list[list[np.ndarray]] = [[] for _ in rows]
     for first in range(0, len(start), _AT_ONCE):
@@ -65,7 +65,7 @@ def _instances_near(
         onward, far = direction[rays], limit[rays]
         along, square = np.zeros((2, len(rows), len(onward)), np.float32)
         for axis in range(3):
-            offset = place[rows, axis, None] - start[rays, axis]
+            offset = position[rows, axis, None] - start[rays, axis]
             if velocity[rows].any():
                 offset += velocity[rows, axis, None] * time_s[rays]
             along += offset * onward[:, axis]
@@ -149,7 +149,7 @@ def meet_instance(
     outer = model.whole if panes else model.opaque
     angle = np.float32(instances.yaw_rate_radps[row]) * instant
     shift = (instances.poses[row, :3, 3] - centre).astype(np.float32)
-    place = shift + instances.velocity_mps[row].astype(np.float32) * instant[:, None]
+    position = shift + instances.velocity_mps[row].astype(np.float32) * instant[:, None]
     unscaled = np.linalg.inv(instances.poses[row, :3, :3] * instances.scales[row]).astype(np.float32)
     turns = bool(instances.yaw_rate_radps[row])
 
@@ -160,7 +160,7 @@ def meet_instance(
         normals = bvh.normal[face] @ unscaled
         return yawed(normals, angle[rays]) if turns else normals
 
-    start, onward = carry(origin[beams] - place), carry(direction[beams])
+    start, onward = carry(origin[beams] - position), carry(direction[beams])
     limit = solid.distance[beams]
     distance, triangle = outer.first_hit(start, onward, limit, near)
     hit = np.flatnonzero(triangle >= 0)

@@ -47,8 +47,8 @@ class Place(BaseModel):
 
     def demand_outside(self) -> None:
         """Raise ValueError for a place in a vehicle's bodywork."""
-        place = (self.x_m, self.y_m, self.z_m)
-        if all(low < at < high for low, at, high in zip(_BODY_LOW, place, _BODY_HIGH, strict=True)):
+        position = (self.x_m, self.y_m, self.z_m)
+        if all(low < at < high for low, at, high in zip(_BODY_LOW, position, _BODY_HIGH, strict=True)):
             raise ValueError(
                 f"({self.x_m:g}, {self.y_m:g}, {self.z_m:g}) m lies inside the vehicle; "
                 f"mount it above {_BODY_HIGH[2]:g} m, or beyond {_BODY_HIGH[0]:g} m of the middle"

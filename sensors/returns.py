@@ -61,9 +61,9 @@ class Returns:
 
     def merged(self, other: Returns) -> Returns:
         """Both tables in order of beam and return number."""
-        mine, theirs = self._place(), other._place()
+        own, theirs = self._place(), other._place()
         order = np.argsort(theirs, kind="stable")
-        at = np.searchsorted(mine, theirs[order], side="right")
+        at = np.searchsorted(own, theirs[order], side="right")
         rows = np.insert(np.arange(len(self)), at, len(self) + order)
         columns = [np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)]
         return Returns(*columns).take(rows)

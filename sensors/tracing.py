@@ -64,7 +64,7 @@ class Tracer:
         self, scene: Scene, pose: np.ndarray, instances: Instances, solid: HitBuffer, pane: HitBuffer, *, panes: bool
     ) -> None:
         models = {name: scene.model(name) for name in dict.fromkeys(instances.models)}
-        number = {name: place for place, name in enumerate(models)}
+        number = {name: position for position, name in enumerate(models)}
         bounds = np.stack([model.bounds for model in models.values()])[[number[name] for name in instances.models]]
         placed = instances.poses.copy()  # world from model, with the scale folded in
         placed[:, :3, :3] *= instances.scales[:, None, :]
@@ -150,5 +150,5 @@ class Tracer:
 def _by_model(models: tuple[str, ...], nearest: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Rows with those of one model together: one query serves them all. The nearest models come first."""
     by_distance = rows[np.argsort(nearest[rows], kind="stable")]
-    rank = {name: place for place, name in enumerate(dict.fromkeys(models[row] for row in by_distance))}
+    rank = {name: position for position, name in enumerate(dict.fromkeys(models[row] for row in by_distance))}
     return by_distance[np.argsort([rank[models[row]] for row in by_distance], kind="stable")]

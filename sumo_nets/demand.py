@@ -41,11 +41,11 @@ def make_demand(
 
 def _parked(demand: Demand, lots: tuple[Lot, ...], types: TypeTable, rng: np.random.Generator) -> list[str]:
     chosen = sorted(rng.permutation(len(lots))[: demand.parked].tolist())
-    kinds = types.parked(len(chosen), rng)
+    type_names = types.parked(len(chosen), rng)
     lines = []
     for number, lot in enumerate(lots[i] for i in chosen):
         lines += [
-            f'    <vehicle id="parked{number}" type="{kinds[number]}" depart="0" departPos="stop">',
+            f'    <vehicle id="parked{number}" type="{type_names[number]}" depart="0" departPos="stop">',
             f'        <route edges="{lot.edge}"/>',
             f'        <stop parkingArea="{lot.id}" duration="1000000"/>',
             "    </vehicle>",
@@ -55,7 +55,7 @@ def _parked(demand: Demand, lots: tuple[Lot, ...], types: TypeTable, rng: np.ran
 
 def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Generator) -> list[str]:
     streets = [edge for edge in network.getEdges() if edge.allows("passenger")]
-    kinds = types.driving(demand.kinds, demand.driving, rng)
+    type_names = types.driving(demand.kinds, demand.driving, rng)
     everywhere = {edge.getID(): _ways_on(edge) for edge in streets}
     slow = _open_to_bicycles(everywhere, streets)
     taken = {edge.getID(): 0 for edge in streets}
@@ -64,13 +64,13 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     slow_starts = [edge for edge in starts if edge.getID() in slow] or starts
     lines = []
     for number in range(demand.driving):
-        cycles = types.is_bicycle(kinds[number])
+        cycles = types.is_bicycle(type_names[number])
         onward, begin = (slow, slow_starts) if cycles else (everywhere, starts)
         pace = _CYCLING_PACE_MPS if cycles else _DRIVING_PACE_MPS
         route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, width, rng)
         depart = _FIRST_S + demand.fill_s * number / demand.driving
         lines += [
-            f'    <vehicle id="veh{number}" type="{kinds[number]}" depart="{depart:.1f}" departLane="best" '
+            f'    <vehicle id="veh{number}" type="{type_names[number]}" depart="{depart:.1f}" departLane="best" '
             'departPos="random_free" departSpeed="0">',
             f'        <route edges="{" ".join(route)}"/>',
             "    </vehicle>",
@@ -94,7 +94,7 @@ def _open_to_bicycles(onward: dict[str, list[Any]], streets: list[Any]) -> dict[
     open_ = {edge.getID() for edge in streets if edge.allows("bicycle")}
     while True:
         ways = {name: [way for way in onward[name] if way.getID() in open_] for name in sorted(open_)}
-        stuck = {name for name, some in ways.items() if not some}
+        stuck = {name for name, subset in ways.items() if not subset}
         if not stuck:
             return ways
         open_ -= stuck
@@ -127,13 +127,13 @@ def _walking(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     streets = [edge for edge in network.getEdges() if edge.allows("pedestrian")]
     if not streets or demand.walking == 0:
         return []
-    kinds = types.walking(demand.walking, rng)
+    type_names = types.walking(demand.walking, rng)
     middle = np.array([np.mean(edge.getShape(), axis=0)[:2] for edge in streets])
     lines = []
     for number in range(demand.walking):
         at, walked = int(rng.integers(len(streets))), 0.0
-        place = rng.uniform(0, _sidewalk_length(streets[at]))
-        lines.append(f'    <person id="ped{number}" type="{kinds[number]}" depart="0" departPos="{place:.1f}">')
+        position = rng.uniform(0, _sidewalk_length(streets[at]))
+        lines.append(f'    <person id="ped{number}" type="{type_names[number]}" depart="0" departPos="{position:.1f}">')
         while walked < demand.duration_s * _WALKING_PACE_MPS:
             away = np.linalg.norm(middle - middle[at], axis=1)
             near = np.flatnonzero((away >= _LEG_M[0]) & (away <= _LEG_M[1]))

@@ -70,5 +70,5 @@ class DemandConfig(BaseModel):
         }
         shares = (self.kinds or usual.kinds).model_dump()
         spread = np.exp(rng.normal(0.0, self.kind_spread, len(shares)))
-        kinds = {kind: shares[kind] * (1.0 if kind == "car" else s) for kind, s in zip(shares, spread, strict=True)}
-        return usual.model_copy(update={**counts, "kinds": KindShares(**kinds)})
+        types = {kind: shares[kind] * (1.0 if kind == "car" else s) for kind, s in zip(shares, spread, strict=True)}
+        return usual.model_copy(update={**counts, "kinds": KindShares(**types)})

@@ -35,12 +35,12 @@ def read_lanelets(path: Path, root: ET.Element, style: str) -> Streets:
 def _lane(path: Path, element: ET.Element) -> StreetLane:
     name = element.get("id", "")
     left, right = (_evenly(_bound(path, element, name, side)) for side in ("leftBound", "rightBound"))
-    kinds = {kind.text for kind in element.findall("laneletType")}
-    use = _use(kinds)
+    types = {kind.text for kind in element.findall("laneletType")}
+    use = _use(types)
     width = float(np.median(np.linalg.norm((left - right)[:, :2], axis=1)))
     if width < 0.5:
         raise TownError(f"{path}: lanelet {name} is {width:.2f} m wide; bounds lie at least 0.5 m apart")
-    internal = bool(kinds & {"intersection"})
+    internal = bool(types & {"intersection"})
     return StreetLane(f"{name}_0", name, use, (left + right) / 2, width, _SPEED_MPS, internal)
 
 

@@ -58,16 +58,16 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
 
 def not_drawn(net_path: Path) -> tuple[str, ...]:
     """A note with the number of edges without road users (railways etc.), if there are any."""
-    kinds: Counter[str] = Counter()
+    types: Counter[str] = Counter()
     for edge in read_xml(net_path, "net").iter("edge"):
         if edge.get("function"):
             continue
         allowed = {name for lane in edge.iter("lane") for name in lane.get("allow", "all").split()}
         for kind, classes in _OFF_THE_ROAD.items():
             if allowed <= classes:
-                kinds[kind] += 1
+                types[kind] += 1
                 break
-    what = " and ".join(f"{number} edges of {kind}" for kind, number in sorted(kinds.items()))
+    what = " and ".join(f"{number} edges of {kind}" for kind, number in sorted(types.items()))
     return (f"{net_path}: not drawn: {what}",) * bool(what)
 
 

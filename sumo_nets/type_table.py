@@ -70,25 +70,25 @@ def read_types(paths: Iterable[Path]) -> TypeTable:
         TownError: a file is not XML, or no type is defined.
     """
     roots = [read_xml(path) for path in paths]
-    kinds = {
+    types = {
         element.get("id", ""): _KIND_OF_CLASS[element.get("vClass", "passenger")]
         for root in roots
         for element in root.iter("vType")
         if element.get("vClass", "passenger") in _KIND_OF_CLASS
     }
-    if not kinds:
+    if not types:
         raise TownError("the town's additional files define no vType that cosim knows; add some, one for each kind")
-    vehicles = [name for name, kind in kinds.items() if kind != "pedestrian"]
+    vehicles = [name for name, kind in types.items() if kind != "pedestrian"]
     weights: dict[str, Weights] = {
         DRIVING: dict.fromkeys(vehicles, 1.0),
-        PARKED: {name: 1.0 for name in vehicles if kinds[name] in ("car", "van")},
-        WALKING: {name: 1.0 for name, kind in kinds.items() if kind == "pedestrian"},
+        PARKED: {name: 1.0 for name in vehicles if types[name] in ("car", "van")},
+        WALKING: {name: 1.0 for name, kind in types.items() if kind == "pedestrian"},
     }
     for root in roots:
         for element in root.iter("vTypeDistribution"):
             if element.get("id") in weights:
-                weights[element.get("id", "")] = _weights(element, kinds)
-    return TypeTable(kinds, weights)
+                weights[element.get("id", "")] = _weights(element, types)
+    return TypeTable(types, weights)
 
 
 def _weights(element: ET.Element, types: Mapping[str, str]) -> Weights:

@@ -202,11 +202,11 @@ def write_page_picture(
 
 def numbered(image: np.ndarray, marks: Sequence[tuple[int, int]]) -> None:
     """Draw numbers from 1 on discs about places (x, y) [px] into an image (h, w, 3)."""
-    for number, place in enumerate(marks, 1):
-        cv2.circle(image, place, _DISC_PX, _DISC, -1, cv2.LINE_AA)
-        cv2.circle(image, place, _DISC_PX, (255, 255, 255), 2, cv2.LINE_AA)
+    for number, position in enumerate(marks, 1):
+        cv2.circle(image, position, _DISC_PX, _DISC, -1, cv2.LINE_AA)
+        cv2.circle(image, position, _DISC_PX, (255, 255, 255), 2, cv2.LINE_AA)
         (wide, high), _ = cv2.getTextSize(str(number), cv2.FONT_HERSHEY_SIMPLEX, 0.8, 2)
-        corner = place[0] - wide // 2, place[1] + high // 2
+        corner = position[0] - wide // 2, position[1] + high // 2
         cv2.putText(image, str(number), corner, cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 2, cv2.LINE_AA)
 
 

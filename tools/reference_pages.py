@@ -41,9 +41,9 @@ def subcommands(parser: argparse.ArgumentParser) -> Iterable[tuple[str, str, arg
     """Name, one-line help and parser of each command."""
     for group in parser._actions:
         if isinstance(group, argparse._SubParsersAction):
-            said = {choice.dest: choice.help or "" for choice in group._choices_actions}
+            message = {choice.dest: choice.help or "" for choice in group._choices_actions}
             for name, command in group.choices.items():
-                yield name, said.get(name, ""), command
+                yield name, message.get(name, ""), command
 
 
 def arguments(command: argparse.ArgumentParser) -> list[argparse.Action]:
@@ -62,8 +62,8 @@ def effects_page(effects: Iterable[type[Effect]]) -> str:
     ]
     effects = list(effects)
     names = {effect.name for effect in effects}
-    for stage, (title, said) in _STAGES.items():
-        lines += [f"## {title}", "", said, ""]
+    for stage, (title, message) in _STAGES.items():
+        lines += [f"## {title}", "", message, ""]
         for effect in effects:
             if effect.stage == stage:
                 lines += _effect(effect, names)
@@ -71,24 +71,24 @@ def effects_page(effects: Iterable[type[Effect]]) -> str:
 
 
 def _effect(effect: type[Effect], known: Container[str]) -> list[str]:
-    said = inspect.cleandoc(effect.__doc__ or "").split("\n\n")[0]
-    lines = [f"### {effect.name}", "", " ".join(said.split()), "", "```text", effect.equation, "```", ""]
+    message = inspect.cleandoc(effect.__doc__ or "").split("\n\n")[0]
+    lines = [f"### {effect.name}", "", " ".join(message.split()), "", "```text", effect.equation, "```", ""]
     if effect.parameters():
         lines += ["| parameter | bounds | what |", "|---|---|---|"]
         lines += [f"| `{one.name}` | {_bounds(one)} | {_cell(one.description)} |" for one in effect.parameters()]
         lines.append("")
     facts = []
     if effect.confusable_with:
-        alike = [f"[`{name}`](#{name})" if name in known else f"`{name}`" for name in effect.confusable_with]
-        facts.append("looks like " + ", ".join(alike))
+        similar = [f"[`{name}`](#{name})" if name in known else f"`{name}`" for name in effect.confusable_with]
+        facts.append("looks like " + ", ".join(similar))
     if effect.needs_new_rays:
         facts.append("needs new rays")
     if effect.reference:
         facts.append(f"source: {effect.reference}")
     if effect.taxonomy:
         facts.append(f"[node in LidarLimbs]({effect.taxonomy_link()})")
-    told = "; ".join(facts)
-    return [*lines, f"{told[:1].upper()}{told[1:]}.", ""] if facts else lines
+    report = "; ".join(facts)
+    return [*lines, f"{report[:1].upper()}{report[1:]}.", ""] if facts else lines
 
 
 def _bounds(one: Parameter) -> str:
@@ -110,9 +110,9 @@ def _spelt(action: argparse.Action) -> str:
 
 
 def _helped(command: argparse.ArgumentParser, action: argparse.Action) -> str:
-    said = command._get_formatter()._expand_help(action) if action.help else ""
+    message = command._get_formatter()._expand_help(action) if action.help else ""
     plain = action.default not in (None, False, [], argparse.SUPPRESS)
-    return f"{said} (default: {action.default})" if plain and "default" not in said else said
+    return f"{message} (default: {action.default})" if plain and "default" not in message else message
 
 
 def _cell(text: str) -> str:

@@ -44,7 +44,9 @@ def bench(sit_m: float, width_m: float, scale: float = 1.0, seats: int = 3) -> M
     """A bench across the vehicle with one headrest a place."""
     lean = rotation("y", np.radians(-20), (-0.12, 0, sit_m))
     pitch = width_m / seats
-    heads = [_headrest(0.24).moved((0.0, (place - (seats - 1) / 2) * pitch, 0.70 * scale)) for place in range(seats)]
+    heads = [
+        _headrest(0.24).moved((0.0, (position - (seats - 1) / 2) * pitch, 0.70 * scale)) for position in range(seats)
+    ]
     back = Mesh.merge([_backrest(width_m, 0.56, scale).moved((0, 0, 0.32 * scale)), *heads]).transformed(lean)
     return Mesh.merge([box((0.48, width_m, 0.14), (0.13, 0, sit_m - 0.07), "car_seat"), back])
 

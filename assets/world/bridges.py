@@ -321,7 +321,11 @@ def _piers(deck: Deck, ground: Heights, below: Geometry) -> Mesh:
     for point in deck.samples[step // 2 :: step]:
         high = point[2] - _SLAB_M - float(ground(point[None, :2])[0])
         blocked = bool(shapely.contains_xy(free, point[0], point[1]))
-        if high < 1.0 or blocked or any(np.linalg.norm(place[:2] - point[:2]) < _PIERS_APART_M for place in places):
+        if (
+            high < 1.0
+            or blocked
+            or any(np.linalg.norm(position[:2] - point[:2]) < _PIERS_APART_M for position in places)
+        ):
             continue
         places.append(point)
     columns = []

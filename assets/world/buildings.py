@@ -101,8 +101,8 @@ def _roofs(houses: list[House]) -> Mesh:
         heading = house.plot.heading_rad + (np.pi / 2 if turned else 0.0)
         half = np.array([depth, length] if turned else [length, depth]) / 2
         ridge = round(float(np.clip(1.0 - half[1] / half[0], 0.05, 0.8)), 1) if house.roof == "hip" else 0.0
-        place = np.array([[*house.plot.centre, house.eaves_m]])
-        pose = poses(place, heading, np.array([[*half, house.roof_m]]))
+        position = np.array([[*house.plot.centre, house.eaves_m]])
+        pose = poses(position, heading, np.array([[*half, house.roof_m]]))
         groups.setdefault((house.roof, house.tiles, house.wall, ridge, house.terrace), []).append(pose)
     parts = []
     for (kind, tiles, wall, ridge, terrace), placed in sorted(groups.items(), key=lambda item: item[0]):

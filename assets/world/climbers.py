@@ -23,7 +23,12 @@ def climbers_mesh(houses: list[House], stand_z: Heights, share: float, rng: np.r
     widths = [float(patch.vertices[:, 0].max()) for patch in patches]
     poses: list[list[np.ndarray]] = [[] for _ in patches]
     for house in houses:
-        drawn, which, wall, place = rng.random(), int(rng.integers(_VARIANTS)), int(rng.integers(_SIDES)), rng.random()
+        drawn, which, wall, position = (
+            rng.random(),
+            int(rng.integers(_VARIANTS)),
+            int(rng.integers(_SIDES)),
+            rng.random(),
+        )
         if drawn >= share:
             continue
         corners = house.plot.corners()
@@ -36,9 +41,11 @@ def climbers_mesh(houses: list[House], stand_z: Heights, share: float, rng: np.r
         along = (end - start) / length
         pose = np.eye(4)
         pose[:2, 0], pose[:2, 1] = -along, [along[1], -along[0]]  # y out of the wall
-        pose[:2, 3] = start + along * (place * free + widths[which])
+        pose[:2, 3] = start + along * (position * free + widths[which])
         pose[2, 3] = float(stand_z(pose[None, :2, 3])[0])
         tallest = house.eaves_m - pose[2, 3]
         pose[2, 2] = min(1.0, tallest / float(patches[which].vertices[:, 2].max()))
         poses[which].append(pose)
-    return Mesh.merge([instances(patch, np.stack(some)) for patch, some in zip(patches, poses, strict=True) if some])
+    return Mesh.merge(
+        [instances(patch, np.stack(subset)) for patch, subset in zip(patches, poses, strict=True) if subset]
+    )

@@ -85,8 +85,10 @@ def _mullions(cells: Cells, sides: tuple[np.ndarray, ...]) -> Mesh:
     left, bottom, right, top = sides
     wide = (cells.kind == WINDOW) & (right - left > _WIDE_PANE_M)
     middle = ((left + right) / 2)[wide]
-    some = cells.where(wide)
-    bar = _rectangle(some, middle - _MULLION_M / 2, bottom[wide], middle + _MULLION_M / 2, top[wide], _RECESS_M - 0.03)
+    subset = cells.where(wide)
+    bar = _rectangle(
+        subset, middle - _MULLION_M / 2, bottom[wide], middle + _MULLION_M / 2, top[wide], _RECESS_M - 0.03
+    )
     return _quads(bar, np.full(len(middle), material_index("window_frame")))
 
 

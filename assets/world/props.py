@@ -73,9 +73,9 @@ def _controls(streets: Streets, blocked: Obstacles, stand_z: Heights) -> tuple[M
 def _heads(lane: str, pole: np.ndarray, reach_m: float, left_hand: bool) -> list[SignalHead]:
     """The heads on a pole with a world pose (4, 4)."""
     found = []
-    for place in signs.head_positions(reach_m, left_hand=left_hand):
+    for position in signs.head_positions(reach_m, left_hand=left_hand):
         pose = pole.copy()
-        pose[:3, 3] += pole[:3, :3] @ place
+        pose[:3, 3] += pole[:3, :3] @ position
         found.append(SignalHead(lane, pose))
     return found
 

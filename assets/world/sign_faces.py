@@ -76,9 +76,9 @@ def _text(text: str, height_m: float) -> list[np.ndarray]:
     unit = height_m / 4
     width = 3 * len(text) - 1
     bars = []
-    for place, letter in enumerate(text):
+    for position, letter in enumerate(text):
         for left, bottom, right, top in _STROKES[letter]:
-            from_left = 3 * place - width / 2
+            from_left = 3 * position - width / 2
             ends = (-(from_left + right), bottom - 2, -(from_left + left), top - 2)  # the left of who looks is +y
             bars.append(_bar(*(unit * end for end in ends)))
     return bars

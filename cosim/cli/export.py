@@ -55,8 +55,8 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             counts = export_openpcdet(drive, folder, on_frame=report.advance)
         else:
             counts = export(drive, name, folder, report.advance)
-    told = ", ".join(f"{number} {what}" for what, number in counts.items())
-    console.print(f"{folder}: {told}", soft_wrap=True, highlight=False)
+    values = ", ".join(f"{number} {what}" for what, number in counts.items())
+    console.print(f"{folder}: {values}", soft_wrap=True, highlight=False)
     write_json(options.json, {"out": str(folder), "frames": counts})
 
 
@@ -75,6 +75,6 @@ def _export_calibrated(options: argparse.Namespace, console: Console) -> None:
     else:
         with ProgressReport(console, "correcting", unit="scans") as report:
             counts = write_corrected(options.drive, folder, report.advance)
-    told = ", ".join(f"{number} {what}" for what, number in counts.items())
-    console.print(f"{folder}: {told}", soft_wrap=True, highlight=False)
+    values = ", ".join(f"{number} {what}" for what, number in counts.items())
+    console.print(f"{folder}: {values}", soft_wrap=True, highlight=False)
     write_json(options.json, {"out": str(folder), "frames": counts})

@@ -59,7 +59,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
         taxi_dispatch=options.taxi_dispatch,
     )
     engine = engine_of(options)
-    begun = time.monotonic()
+    started = time.monotonic()
     with FrameReport(console, starting="building the town", working="recording") as report:
 
         def start(done: int, total: int) -> None:
@@ -72,7 +72,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
             report.start(done, total)
 
         result = run(config, options.out, engine=engine, on_start=start, on_event=report.follow)
-    seconds = time.monotonic() - begun
+    seconds = time.monotonic() - started
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "
         f"({result.recorded} recorded in {seconds:.0f} s)"

@@ -93,9 +93,9 @@ def context_of(
     else:
         split = split_frames(tuple(frames), settings=settings.sampling)
     hidden = undetermined_effects(len(split.fit), has_surfels(drive.root), settings.beams)
-    kinds = tuple(kind for kind in candidate_effects(extra, model.pattern.rings) if kind.name not in hidden)
+    types = tuple(kind for kind in candidate_effects(extra, model.pattern.rings) if kind.name not in hidden)
     tracer = FrameTracer(drive, model, settings)
-    return Context(model, tracer, split, kinds, settings, seed, on_progress, tuple(refitted))
+    return Context(model, tracer, split, types, settings, seed, on_progress, tuple(refitted))
 
 
 def trace_and_fit(

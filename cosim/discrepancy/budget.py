@@ -113,9 +113,9 @@ class Aligned:
         self._effects = in_order(effects)
         bent = bending(self._effects)
         same = bent == bending(on.fitted.effects)
-        alike = next((other for other in others if bending(other._effects) == bent), None)
-        if alike is not None:
-            frames, self._samples = alike._frames, alike._samples
+        similar = next((other for other in others if bending(other._effects) == bent), None)
+        if similar is not None:
+            frames, self._samples = similar._frames, similar._samples
         else:
             frames = list(on.frames) if same else context.tracer.trace_all(on.names, bent)
             self._samples: dict[TracedFrame, Sample] = {}

@@ -94,9 +94,9 @@ def candidate_effects(extra: Sequence[type[Effect]] = (), rings: int = 64) -> tu
         extra: user-supplied effects.
         rings: number of lasers of the sensor, the length of per-laser parameters.
     """
-    kinds = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
-    kinds.update({kind.name: kind for kind in extra})
-    return tuple(for_rings(kind, rings) for kind in kinds.values() if _is_observable(kind))
+    types = {kind.name: kind for kind in effect_classes().values() if kind.is_candidate}
+    types.update({kind.name: kind for kind in extra})
+    return tuple(for_rings(kind, rings) for kind in types.values() if _is_observable(kind))
 
 
 def confusable(one: type[Effect], other: type[Effect]) -> bool:

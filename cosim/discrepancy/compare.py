@@ -95,9 +95,9 @@ class SliceTally:
             ("drop", clear, outcome, scores.brier),
         ):
             used = np.flatnonzero(rows)
-            keys, place = np.unique(key[used], return_inverse=True)
-            mine, cost = values[used].astype(np.float64), score[used].astype(np.float64)
-            columns = (np.bincount(place, w) for w in (np.ones(len(used)), mine, mine**2, np.nan_to_num(cost)))
+            keys, position = np.unique(key[used], return_inverse=True)
+            own, cost = values[used].astype(np.float64), score[used].astype(np.float64)
+            columns = (np.bincount(position, w) for w in (np.ones(len(used)), own, own**2, np.nan_to_num(cost)))
             for row, code in zip(np.stack(list(columns), 1), keys.tolist(), strict=True):
                 self._sums[channel][(code // 8 // _BANDS, code // 8 % _BANDS, code % 8)] += row
 
@@ -246,9 +246,9 @@ class Comparison:
         if self.budget is not None and self.budget.floor:
             floor, aligned = self.budget.floor, self.budget.given_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
-            said = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
+            message = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
             ends = "at the floor" if aligned <= 1 + self.settings.at_floor else f"{times(aligned)} the floor"
-            return f"{said}; aligned {self.budget.given_aligned:.3f}, {ends}"
+            return f"{message}; aligned {self.budget.given_aligned:.3f}, {ends}"
         return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 
 

@@ -280,9 +280,9 @@ def conclude(
         if one.unknown is not None:
             unknowns.append(one.unknown.refitted(params, interval))
             continue
-        alike = tuple(dict.fromkeys(name for name in one.alternatives if name in _catalogue(context)))
+        similar = tuple(dict.fromkeys(name for name in one.alternatives if name in _catalogue(context)))
         steps = budget.steps[number], budget.steps[number + 1]
-        effects.append(Finding(one.name, params, interval, one.p_value, *steps, alike))
+        effects.append(Finding(one.name, params, interval, one.p_value, *steps, similar))
     sets = tuple((one.name, *one.alternatives) for one in findings if one.alternatives)
     return Diagnosis(
         effects=tuple(effects),

@@ -199,10 +199,12 @@ class Diagnosis:
     @property
     def _names(self) -> list[str]:
         """Names of all findings in the order of the steps of the budget."""
-        place: dict[int, int] = {}
+        position: dict[int, int] = {}
         for row, step in enumerate(self.budget.steps):
-            place.setdefault(id(step), row)
-        placed = {place[id(one.error_before)]: one.effect for one in self.effects if id(one.error_before) in place}
+            position.setdefault(id(step), row)
+        placed = {
+            position[id(one.error_before)]: one.effect for one in self.effects if id(one.error_before) in position
+        }
         others = iter(
             [finding.effect for finding in self.effects if finding.effect not in placed.values()]
             + [unknown.name for unknown in self.unknowns]
@@ -336,8 +338,8 @@ def smallest_rows(diagnosis: Diagnosis) -> list[tuple[str, str, float]]:
 
 def _finding_words(finding: Finding, words: Vocabulary, is_useless: bool) -> str:
     values = words.parameters(finding.effect, finding.params, finding.ci95)
-    alike = f"; cannot be distinguished from {listed(list(finding.also_possible))}" if finding.also_possible else ""
-    return f"{finding.effect} ({values}), {p_words(finding.p_value)}{NO_FALL if is_useless else ''}{alike}"
+    similar = f"; cannot be distinguished from {listed(list(finding.also_possible))}" if finding.also_possible else ""
+    return f"{finding.effect} ({values}), {p_words(finding.p_value)}{NO_FALL if is_useless else ''}{similar}"
 
 
 def _change(name: str, before: HeldOut, after: HeldOut, settings: Settings) -> ErrorChange:

@@ -65,8 +65,8 @@ def choose_frame(placed: Placed, phases: Phases, centres: tuple[tuple[str, float
     weight = np.bincount(edges[0][edges[0] >= 0], minlength=len(names)) * placed.tracks.step_s
     distance = np.bincount(edges[0][edges[0] >= 0], placed.tracks.speed_mps[edges[0] >= 0], minlength=len(names))
     order = [names[at] for at in np.argsort(-weight, kind="stable")[:_STREETS].tolist() if weight[at] > 0]
-    kinds = kind_of(placed.tracks, placed.network)
-    counts = {kind: int((kinds == kind).sum()) for kind in np.unique(kinds.astype(str)).tolist()}
+    types = kind_of(placed.tracks, placed.network)
+    counts = {kind: int((types == kind).sum()) for kind in np.unique(types.astype(str)).tolist()}
     classes = tuple(kind for kind, count in counts.items() if count >= _FEWEST_OF_CLASS)
     density = densities(placed)
     known = density[np.isfinite(density)]
@@ -98,8 +98,8 @@ def condition_codes(
     street = np.array([row.get(name, -1) for name in names] + [-1], int)[edge]
     lane = placed.of_lane(lambda _, one: -1.0 if one.inside else min(one.index, 2))
     elapsed = (tracks.time_s - frame.begin_s) / max(frame.seconds, 1e-9)
-    kinds = {name: at for at, name in enumerate(frame.classes)}
-    kind = np.array([kinds.get(name, -1) for name in kind_of(tracks, placed.network)], int)[tracks.vehicle]
+    types = {name: at for at, name in enumerate(frame.classes)}
+    kind = np.array([types.get(name, -1) for name in kind_of(tracks, placed.network)], int)[tracks.vehicle]
     signalled = frame.phases.signalled(placed.network)
     lights = placed.of_lane(lambda name, _: float(name in signalled)) > 0
     density = densities(placed)

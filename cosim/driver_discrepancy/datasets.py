@@ -93,21 +93,21 @@ def _read_levelx(path: Path, header: Sequence[str], *, centred: bool) -> Tracks:
     number = {name: _numbers(path, name, values) for name, values in table.items() if name not in (key, "lanelets")}
     vx, vy = number["xvelocity"], number["yvelocity"]
     if centred:
-        place = np.column_stack([number["xcenter"], number["ycenter"]])
+        position = np.column_stack([number["xcenter"], number["ycenter"]])
         heading, length = np.radians(number["heading"]), number["length"]
     else:
-        place = np.column_stack([number["x"] + number["width"] / 2, -(number["y"] + number["height"] / 2)])
+        position = np.column_stack([number["x"] + number["width"] / 2, -(number["y"] + number["height"] / 2)])
         vy, length = -vy, number["width"]
         heading = np.arctan2(vy, vx)
-    place = place + np.column_stack([np.cos(heading), np.sin(heading)]) * length[:, None] / 2
-    return _gather(path, table[key], kind, number["frame"] / rate, place, np.hypot(vx, vy), heading)
+    position = position + np.column_stack([np.cos(heading), np.sin(heading)]) * length[:, None] / 2
+    return _gather(path, table[key], kind, number["frame"] / rate, position, np.hypot(vx, vy), heading)
 
 
 def _read_ngsim(path: Path, names: dict[str, str]) -> Tracks:
     """Positions in feet, frames of 0.1 s; local axes are x to the right and y along the road."""
     table = _columns(path)
     axes = ("global_x", "global_y") if "global_x" in names else ("local_x", "local_y")
-    place = np.column_stack([_numbers(path, axis, table[axis]) for axis in axes]) * _FOOT_M
+    position = np.column_stack([_numbers(path, axis, table[axis]) for axis in axes]) * _FOOT_M
     speed = _numbers(path, "v_vel", table["v_vel"]) * _FOOT_M
     if "global_time" in names:
         time_s = _numbers(path, "global_time", table["global_time"]) / 1000
@@ -116,7 +116,7 @@ def _read_ngsim(path: Path, names: dict[str, str]) -> Tracks:
         time_s = _numbers(path, "frame_id", table["frame_id"]) / 10
     classes = table.get("v_class", ["2"] * len(speed))
     kind = {who: _KINDS.get(word.strip(), "car") for who, word in zip(table["vehicle_id"], classes, strict=True)}
-    return _gather(path, table["vehicle_id"], kind, time_s, place, speed, None)
+    return _gather(path, table["vehicle_id"], kind, time_s, position, speed, None)
 
 
 def _read_pneuma(path: Path, town: Town) -> Tracks:
@@ -141,13 +141,13 @@ def _read_pneuma(path: Path, town: Town) -> Tracks:
         raise TrackError(f"{path}: holds no vehicle; give pNEUMA's file with a vehicle per line")
     table = np.concatenate(values)
     try:
-        place = np.array([town.network.convertLonLat2XY(lon, lat) for lat, lon in table[:, :2].tolist()])
+        position = np.array([town.network.convertLonLat2XY(lon, lat) for lat, lon in table[:, :2].tolist()])
     except (RuntimeError, ImportError) as error:
         raise TrackError(
             f"{path}: has latitudes and longitudes, and the network of {town.name} no geographic projection; give a "
             "network that was imported with one"
         ) from error
-    return _gather(path, ids, kind, table[:, 5], place, table[:, 2] / 3.6, None)
+    return _gather(path, ids, kind, table[:, 5], position, table[:, 2] / 3.6, None)
 
 
 def _gather(
@@ -182,10 +182,10 @@ def _courses(tracks: Tracks) -> np.ndarray:
     found = np.full(len(tracks), np.nan)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
-        place = tracks.place[start:end]
+        position = tracks.place[start:end]
         lag = max(1, round(0.5 / max(tracks.step_s, 1e-3)))
-        after = place[np.minimum(np.arange(len(place)) + lag, len(place) - 1)]
-        before = place[np.maximum(np.arange(len(place)) - lag, 0)]
+        after = position[np.minimum(np.arange(len(position)) + lag, len(position) - 1)]
+        before = position[np.maximum(np.arange(len(position)) - lag, 0)]
         move = after - before
         course = np.where(np.hypot(*move.T) > 0.3, np.arctan2(move[:, 1], move[:, 0]), np.nan)
         known = np.flatnonzero(np.isfinite(course))

@@ -122,7 +122,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
     start_s = tracks.start_s
     clock_s = 0.0 if 0 <= start_s < _SUMO_CLOCK_S else -float(np.floor(start_s))
     bases = _bases(placed)
-    kinds = kind_of(tracks, network)
+    types = kind_of(tracks, network)
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     is_street = placed.of_lane(lambda _, lane: float(not lane.inside)) > 0
     seen_to = _seen_to(placed)
@@ -134,7 +134,7 @@ def read_demand(placed: Placed, town: Town, phases: Phases, lateral_m: float, fo
             parkers.append(_parker(placed, name, bases[who], int(rows[0]), clock_s))
             continue
         streets = rows[is_street[rows] & ~placed.parked[rows]]
-        if not len(streets) or kinds[who] == "pedestrian":
+        if not len(streets) or types[who] == "pedestrian":
             continue
         route, whole = _route(placed, streets)
         stays = not whole or tracks.time_s[rows[-1]] > last_s - _BY.left_early_s or bool(placed.parked[rows[-1]])
@@ -333,7 +333,7 @@ def _ways_on(network: Network, edge: str, last_lane: str, name: str) -> tuple[tu
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     lanes, links = network.lanes, network.links
     leads = [lanes[link.target].edge for link in links.get(last_lane, ()) if lanes[link.target].edge != edge]
-    inside = [link.target for some in links.values() for link in some if link.via == last_lane]
+    inside = [link.target for subset in links.values() for link in subset if link.via == last_lane]
     first = [lanes[target].edge for target in inside] or leads
     ways = []
     for _ in range(_WAYS_ON):

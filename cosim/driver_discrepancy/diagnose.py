@@ -238,7 +238,7 @@ class _Diagnosis:
         name = attempt.behaviour.name
         self._say(f"adding {name}")
         least = attempt.gain - self._by.similar_errors * max(attempt.error, 1.0)
-        alike = tuple(
+        similar = tuple(
             other.behaviour.name
             for other in tries
             if other is not attempt and other.gain > max(least, 0.0) and after.p_value(other.behaviour) > self._by.level
@@ -253,7 +253,7 @@ class _Diagnosis:
                 p_value=look.p_value(attempt.behaviour),
                 error_before=fall.before,
                 error_after=fall.after,
-                also_possible=alike,
+                also_possible=similar,
                 shown_by=_shown_by(attempt.behaviour, self._case.measured, look, after),
                 fall_ci95=fall.interval,
                 worse=fall.worse,
@@ -357,7 +357,7 @@ def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[Stati
     for row in rows:
         whole = next((other for other in rows if other.name == row.name and not other.condition), None)
         if row.condition and whole is not None:
-            parts = np.array([place for key, place in at.items() if key[0] == row.name and key[1]])
+            parts = np.array([position for key, position in at.items() if key[0] == row.name and key[1]])
             departs = departures(evidence, at[row.name, "", ""], parts)
             if departs[parts == at[row.name, row.condition, row.level]][0] > level:
                 continue

@@ -146,10 +146,10 @@ class Driving:
                 self._sumo.vehicle.setSpeedFactor(name, max(factor, 0.1))
             driver.wish = self._wish(driver, here)
         if driver.wish is not None and name not in self._turns:
-            wanted, place, index = driver.wish
+            wanted, position, index = driver.wish
             if lane != wanted:
                 driver.wish = None
-            elif actors.lane_position_m[row] > place and actors.speed_mps[row] > 2:
+            elif actors.lane_position_m[row] > position and actors.speed_mps[row] > 2:
                 driver.wish = None
                 self._sumo.vehicle.changeLane(name, index, _BY.lane_held_s)
 
@@ -171,8 +171,8 @@ class Driving:
         wishes = [here.index + side for side, chance, luck in chances if here.index + side in beside and luck < chance]
         if not wishes or here.length_m < 2 * _BY.turn_clear_of_ends_m:
             return None
-        place = 0.1 * here.length_m + at * (0.9 * here.length_m - _BY.turn_clear_of_ends_m)
-        return here.id, place, wishes[int(which * len(wishes))]
+        position = 0.1 * here.length_m + at * (0.9 * here.length_m - _BY.turn_clear_of_ends_m)
+        return here.id, position, wishes[int(which * len(wishes))]
 
     def _pull_out(self, actors: _Snapshot, luck: float) -> None:
         """Let one of those who are parked go."""

@@ -272,8 +272,8 @@ def _changed(behaviour: Behaviour, name: str, values: Mapping[str, float], share
 def _by_name(behaviours: Sequence[Behaviour], at: np.ndarray) -> Values:
     values, row = {}, 0
     for behaviour in behaviours:
-        mine = {knob.name: float(at[row + i]) for i, knob in enumerate(behaviour.knobs)}
-        values[behaviour.name] = behaviour.clipped(mine)
+        own = {knob.name: float(at[row + i]) for i, knob in enumerate(behaviour.knobs)}
+        values[behaviour.name] = behaviour.clipped(own)
         row += len(behaviour.knobs)
     return values
 

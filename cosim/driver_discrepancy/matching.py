@@ -100,14 +100,14 @@ class _Matcher:
     def check(self, tracks: Tracks) -> None:
         """Refuse trajectories that are not on the network, with the reason that was verified."""
         every = max(1, len(tracks) // 2000)
-        place, heading = tracks.place[::every], tracks.heading_rad[::every]
-        share = self._share(place, heading)
+        position, heading = tracks.place[::every], tracks.heading_rad[::every]
+        share = self._share(position, heading)
         if share >= _FEWEST_SHARE:
             return
-        swapped = self._share(place[:, ::-1], np.pi / 2 - heading)
-        mirrored = self._share(place * (1, -1), -heading)
-        away = float(np.median(self._tree.query(place)[0]))
-        middle, town = np.median(place, axis=0), np.median(self._points, axis=0)
+        swapped = self._share(position[:, ::-1], np.pi / 2 - heading)
+        mirrored = self._share(position * (1, -1), -heading)
+        away = float(np.median(self._tree.query(position)[0]))
+        middle, town = np.median(position, axis=0), np.median(self._points, axis=0)
         if swapped >= _AXES_SHARE:
             raise TrackError(
                 f"x and y are exchanged: with them swapped {swapped:.0%} of the positions lie on the streets; swap them"
@@ -122,7 +122,7 @@ class _Matcher:
                 f"headings differ from the direction of travel by {off_course:.0f}° (median); write heading_deg in "
                 "degrees counter-clockwise from east, or clockwise from north"
             )
-        if self._share(place, heading + np.pi) >= _AXES_SHARE:
+        if self._share(position, heading + np.pi) >= _AXES_SHARE:
             raise TrackError("vehicles drive against the lanes; check on which side the network's traffic drives")
         raise TrackError(
             f"most positions lie off the streets: {share:.0%} are on a lane of their direction (median distance to a "

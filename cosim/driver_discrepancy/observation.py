@@ -36,17 +36,17 @@ class Observation:
         from scipy.signal import savgol_filter
 
         window = max(5, 2 * round(_SMOOTHS_S / max(tracks.step_s, 1e-3) / 2) + 1)
-        place, speed = tracks.place.copy(), tracks.speed_mps.copy()
+        position, speed = tracks.place.copy(), tracks.speed_mps.copy()
         first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
         for start, end in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
             if end - start < window:
                 continue
             part, step = tracks.place[start:end], tracks.step_s
-            place[start:end] = savgol_filter(part, window, 3, axis=0)
+            position[start:end] = savgol_filter(part, window, 3, axis=0)
             velocity = np.asarray(savgol_filter(part, window, 3, deriv=1, delta=step, axis=0), float)
             speed[start:end] = np.hypot(velocity[:, 0], velocity[:, 1])
         slow = max(3 * self.noise_m / _SMOOTHS_S, 0.1)
-        return replace(tracks, place=place, speed_mps=np.where(speed < slow, 0.0, speed))
+        return replace(tracks, place=position, speed_mps=np.where(speed < slow, 0.0, speed))
 
 
 def estimate_observation(placed: Placed) -> Observation:

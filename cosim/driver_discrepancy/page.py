@@ -45,11 +45,11 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
     """
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = comparison.worst
-    said = fill("The error is <b>{:.3f}</b>; the noise floor is {:.3f}. ", comparison.error, comparison.noise_floor)
+    message = fill("The error is <b>{:.3f}</b>; the noise floor is {:.3f}. ", comparison.error, comparison.noise_floor)
     if row is None:
-        said += "No channel differs significantly from the model."
+        message += "No channel differs significantly from the model."
     else:
-        said += fill(
+        message += fill(
             '<span class="bad">Largest difference</span>: {} is {}, the model has {}.',
             _words(row),
             _value(row, row.measured),
@@ -61,7 +61,7 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
             "behaviour: <code>{}</code></p>{}</header>",
             config,
             measured,
-            said,
+            message,
             command,
             _facts(comparison),
         ),
@@ -351,8 +351,8 @@ def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
             continue
         cells = Markup().join(fill("<td>{}</td>", _marked(one)) for one in (row, later) if one is not None)
         cells += Markup("<td>–</td>") if after is not None and later is None else ""
-        place = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
-        rows.append(fill("<tr><th>{}</th><td>{}</td>{}</tr>", place, _value(row, row.measured), cells))
+        position = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
+        rows.append(fill("<tr><th>{}</th><td>{}</td>{}</tr>", position, _value(row, row.measured), cells))
     if not rows:
         return ""
     heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")

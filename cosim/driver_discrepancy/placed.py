@@ -70,15 +70,15 @@ def place(tracks: Tracks, network: Network) -> Placed:
     names, code = np.unique(tracks.lane.astype(str), return_inverse=True)
     _check(names, network)
     rows = np.argsort(code, kind="stable")
-    for name, mine in zip(names, np.split(rows, np.cumsum(np.bincount(code))[:-1]), strict=True):
+    for name, own in zip(names, np.split(rows, np.cumsum(np.bincount(code))[:-1]), strict=True):
         lane = network.lanes.get(name)
         if lane is None:
-            beside[mine] = True
+            beside[own] = True
             continue
-        along[mine], left[mine] = lane.project(tracks.place[mine])
-        on[mine], limit[mine], free[mine] = True, lane.limit_mps, lane.straight and not lane.inside
-        ends[mine] = lane.length_m - along[mine]
-        beside[mine] = np.abs(left[mine]) > lane.width_m / 2
+        along[own], left[own] = lane.project(tracks.place[own])
+        on[own], limit[own], free[own] = True, lane.limit_mps, lane.straight and not lane.inside
+        ends[own] = lane.length_m - along[own]
+        beside[own] = np.abs(left[own]) > lane.width_m / 2
     parked = _lasting(tracks, (tracks.speed_mps < _BY.rests_mps) & beside)
     leader, gap = _leaders(tracks, network, code, along, on & ~parked & ~beside)
     acceleration = _acceleration(tracks)
@@ -102,9 +102,10 @@ def place(tracks: Tracks, network: Network) -> Placed:
 
 def kind_of(tracks: Tracks, network: Network) -> np.ndarray:
     """The kind of each vehicle; a car where its type says nothing."""
-    types, kinds = network.types, {one.kind for one in network.types.values()}
+    types, type_names = network.types, {one.kind for one in network.types.values()}
     return np.array(
-        [types[name].kind if name in types else name if name in kinds else "car" for name in tracks.types], dtype=object
+        [types[name].kind if name in types else name if name in type_names else "car" for name in tracks.types],
+        dtype=object,
     )
 
 

@@ -27,19 +27,19 @@ def headline(diagnosis: TrafficDiagnosis) -> str:
 
 def finding_words(one: TrafficFinding) -> str:
     """A finding with its parameters."""
-    alike = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
+    similar = f"; not separable from {', '.join(one.also_possible)}" if one.also_possible else ""
     where = f" on {len(one.streets)} streets" if one.streets else ""
     worse = f"; makes worse: {', '.join(one.worse)}" if one.worse else ""
-    return f"{one.behaviour}{where} ({parameter_words(one)}), {p_words(one.p_value)}{alike}{worse}"
+    return f"{one.behaviour}{where} ({parameter_words(one)}), {p_words(one.p_value)}{similar}{worse}"
 
 
 def parameter_words(one: TrafficFinding) -> str:
     """All parameters with half their intervals."""
-    said = []
+    message = []
     for name in one.params:
         value, half = fitted_words(one, name)
-        said.append(f"{name} {value}{half and f' ± {half}'}")
-    return ", ".join(said)
+        message.append(f"{name} {value}{half and f' ± {half}'}")
+    return ", ".join(message)
 
 
 def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
@@ -48,8 +48,8 @@ def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
     if name not in one.ci95:
         return quantity(one.behaviour, name, value), ""
     low, high = one.ci95[name]
-    said, half = as_sure(value, (high - low) / 2)
-    return f"{said}{_unit(one.behaviour, name)}", half
+    message, half = as_sure(value, (high - low) / 2)
+    return f"{message}{_unit(one.behaviour, name)}", half
 
 
 def quantity(behaviour: str, name: str, value: float) -> str:
@@ -65,13 +65,13 @@ def _unit(behaviour: str, name: str) -> str:
 
 def smallest_words(diagnosis: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
     """Changes that would have been seen, of the first parameter of some behaviours."""
-    said = []
+    message = []
     for name in names:
         values = diagnosis.smallest_detectable.get(name, {})
         first = next(iter(values), None)
         if first is not None:
-            said.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
-    return ", ".join(said)
+            message.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
+    return ", ".join(message)
 
 
 def unexplained_words(diagnosis: TrafficDiagnosis) -> str:

@@ -117,10 +117,10 @@ def _scores(program: SignalProgram, entries: np.ndarray, shifts_s: np.ndarray) -
     """
     score = np.zeros(len(shifts_s))
     for index in np.unique(entries[:, 0]):
-        mine = entries[entries[:, 0] == index]
-        times = mine[:, 1] - shifts_s[:, None]
+        own = entries[entries[:, 0] == index]
+        times = own[:, 1] - shifts_s[:, None]
         green = ~is_red(program, int(index), times)
-        waited = green & (mine[:, 2] < _SLOW_MPS)
+        waited = green & (own[:, 2] < _SLOW_MPS)
         score += green.sum(1) - _WAITED * (_since_green(program, int(index), times) * waited).sum(1)
     return score / len(entries)
 

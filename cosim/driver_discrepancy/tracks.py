@@ -127,8 +127,8 @@ def read_tracks(path: Path) -> Tracks:
     ids = np.array([row[at["id"]].strip() for row in rows])
     types = np.array([row[at["type"]].strip() if "type" in at else "car" for row in rows])
     lanes = np.array([row[at["lane"]].strip() if "lane" in at else "" for row in rows])
-    place = np.column_stack([values["x_m"], values["y_m"]])
-    _check_order(np.unique(ids, return_inverse=True)[1], values["time_s"], place, values["speed_mps"])
+    position = np.column_stack([values["x_m"], values["y_m"]])
+    _check_order(np.unique(ids, return_inverse=True)[1], values["time_s"], position, values["speed_mps"])
     drives = ~np.isin(np.char.lower(types), _ON_FOOT)
     if not drives.any():
         raise TrackError(f"{path}: holds people on foot only; give trajectories of vehicles")
@@ -137,7 +137,7 @@ def read_tracks(path: Path) -> Tracks:
         types[drives],
         lanes[drives],
         values["time_s"][drives],
-        place[drives],
+        position[drives],
         values["speed_mps"][drives],
         _from_east(values)[drives],
     )

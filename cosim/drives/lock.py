@@ -57,7 +57,7 @@ def shared(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _taken(folder: Path) -> Iterator[IO[str]]:
-    begun = time.monotonic()
+    started = time.monotonic()
     while True:
         with (folder / LOCK).open("a+") as file:
             if _locked(file, folder / LOCK):
@@ -68,7 +68,7 @@ def _taken(folder: Path) -> Iterator[IO[str]]:
                 return
             file.seek(0)
             holder = file.read(200) or "a process"
-            if time.monotonic() - begun > (_WAIT_FOR_ORPHANS_S if _is_dead(holder) else _WAIT_S):
+            if time.monotonic() - started > (_WAIT_FOR_ORPHANS_S if _is_dead(holder) else _WAIT_S):
                 raise LockError(
                     f"{folder} is being written by another run ({holder}); wait for it, or choose another --out"
                 )

@@ -20,11 +20,11 @@ def export_pcd(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict
     """
     pypcd4 = needed("pypcd4")
     fields = ("x", "y", "z", "intensity", "ring", "azimuth", "time", "return_no")
-    kinds = (*(np.float32,) * 4, np.uint16, np.float32, np.float32, np.uint8)
+    types = (*(np.float32,) * 4, np.uint16, np.float32, np.float32, np.uint8)
     for frame in drive:
         rays = frame.rays
         columns = [*frame.points.T, rays.ring, rays.azimuth, rays.time_s, rays.return_no]
-        cloud = pypcd4.PointCloud.from_points(columns, fields, kinds)
+        cloud = pypcd4.PointCloud.from_points(columns, fields, types)
         cloud.save(folder / f"{frame.name}.pcd")
         on_frame()
     return {"frames": len(drive)}

@@ -61,7 +61,7 @@ def gather(drive: Drive) -> LabelRows:
 def _match_frame(frame: Frame) -> list[tuple[str, np.ndarray, np.ndarray, float, float]]:
     labels = frame.labels.cared_for
     boxes, twin = labels.boxes_velo(frame.calibration), frame.twin
-    vehicles = [instance for instance in twin.instances if any(instance.kind in kinds for kinds in _KINDS.values())]
+    vehicles = [instance for instance in twin.instances if any(instance.kind in types for types in _KINDS.values())]
     if not vehicles or not len(labels):
         return []
     exact = _boxes_in_lidar_axes(twin, vehicles, frame.points[:, :3])

@@ -123,8 +123,8 @@ def grows_along_firing(xyz: np.ndarray, time: np.ndarray) -> bool:
     xyz, time = xyz[usual], time[usual]
     if len(time) < 20 or time.max() <= time.min():
         return False
-    place = np.arange(len(time), dtype=np.float64)
-    if np.corrcoef(place, time)[0, 1] > _GROWTH:
+    position = np.arange(len(time), dtype=np.float64)
+    if np.corrcoef(position, time)[0, 1] > _GROWTH:
         return True
     return sense_of_rotation(xyz, time) is not None
 

@@ -28,19 +28,19 @@ def read_pcd(data: bytes, source: str) -> dict[str, np.ndarray]:
         raise PointFileError(
             f"{source}: {len(names)} FIELDS, {len(sizes)} SIZE, {len(types)} TYPE, {len(counts)} COUNT; give one each"
         )
-    kinds = [_kind(*item, source) for item in zip(names, types, sizes, strict=True)]
+    type_names = [_kind(*item, source) for item in zip(names, types, sizes, strict=True)]
     points = _points(header, source)
     form = header["DATA"][0].lower()
     if form == "ascii":
-        return _text(body, names, kinds, counts, points, source)
-    row = np.dtype([(f"f{n}", kind, (count,)) for n, (kind, count) in enumerate(zip(kinds, counts, strict=True))])
+        return _text(body, names, type_names, counts, points, source)
+    row = np.dtype([(f"f{n}", kind, (count,)) for n, (kind, count) in enumerate(zip(type_names, counts, strict=True))])
     if form == "binary":
         if len(body) < points * row.itemsize:
             raise _short(source, len(body) // row.itemsize if row.itemsize else 0, points)
         table = np.frombuffer(body, row, points)
         columns = [table[f"f{n}"] for n in range(len(names))]
     elif form == "binary_compressed":
-        columns = _unpacked(body, kinds, counts, points, source)
+        columns = _unpacked(body, type_names, counts, points, source)
     else:
         raise PointFileError(f"{source}: DATA {form!r}; it is ascii, binary or binary_compressed")
     return _named(names, counts, columns)
@@ -48,13 +48,13 @@ def read_pcd(data: bytes, source: str) -> dict[str, np.ndarray]:
 
 def _header(data: bytes, source: str) -> tuple[dict[str, list[str]], bytes]:
     header: dict[str, list[str]] = {}
-    place = 0
+    position = 0
     while "DATA" not in header:
-        end = data.find(b"\n", place, place + _LONGEST_HEADER)
+        end = data.find(b"\n", position, position + _LONGEST_HEADER)
         if end < 0:
             raise PointFileError(f"{source}: the header of a PCD file ends with a line DATA; there is none")
-        words = data[place:end].decode("ascii", "replace").split()
-        place = end + 1
+        words = data[position:end].decode("ascii", "replace").split()
+        position = end + 1
         if not words or words[0].startswith("#"):
             continue
         key = "FIELDS" if words[0].upper() == "COLUMNS" else words[0].upper()
@@ -64,7 +64,7 @@ def _header(data: bytes, source: str) -> tuple[dict[str, list[str]], bytes]:
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "DATA") if not header.get(key)]
     if missing:
         raise PointFileError(f"{source}: missing in the header: {', '.join(missing)}; write the file again")
-    return header, data[place:]
+    return header, data[position:]
 
 
 def _whole(header: dict[str, list[str]], key: str, source: str) -> list[int]:
@@ -145,11 +145,11 @@ def _unpacked(body: bytes, types: list[str], counts: list[int], points: int, sou
         ) from None
     if data is None or len(data) != unpacked:
         raise PointFileError(f"{source}: compressed values unpack to another size: damaged; copy it again")
-    columns, place = [], 0
+    columns, position = [], 0
     for kind, count in zip(types, counts, strict=True):
         size = np.dtype(kind).itemsize * count * points
-        columns.append(np.frombuffer(data, kind, points * count, place).reshape(points, count))
-        place += size
+        columns.append(np.frombuffer(data, kind, points * count, position).reshape(points, count))
+        position += size
     return columns
 
 

@@ -112,9 +112,9 @@ def _find_kind(samples: Sequence[bytes], source: str) -> str:
         others = max(value for other, value in shares.items() if other != kind)
         if share >= _ORDINARY_SHARE or (share >= _MOST_SHARE and share > others + _LEAD):
             return kind
-    told = ", ".join(f"{np.dtype(kind).name} {kind[0]}: {share:.0%}" for kind, share in shares.items())
+    report = ", ".join(f"{np.dtype(kind).name} {kind[0]}: {share:.0%}" for kind, share in shares.items())
     raise PointFileError(
-        f"{source}: values have no ordinary magnitudes (1e-6 to 1e7) as rows of numbers ({told}), so this is no "
+        f"{source}: values have no ordinary magnitudes (1e-6 to 1e7) as rows of numbers ({report}), so this is no "
         "scan of x y z …: write it as .npz with named arrays, or choose the scans with --scans"
     )
 
@@ -155,8 +155,8 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     ranks = np.full(len(values), np.nan)
     finite = np.isfinite(values)
     if finite.any():
-        _, place, count = np.unique(values[finite], return_inverse=True, return_counts=True)
-        ranks[finite] = ((np.cumsum(count) - (count + 1) / 2) / finite.sum())[place] - 0.5 + 0.5 / finite.sum()
+        _, position, count = np.unique(values[finite], return_inverse=True, return_counts=True)
+        ranks[finite] = ((np.cumsum(count) - (count + 1) / 2) / finite.sum())[position] - 0.5 + 0.5 / finite.sum()
     return ranks
 
 

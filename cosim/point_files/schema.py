@@ -84,16 +84,16 @@ class PointSchema:
 
     def as_dict(self) -> dict[str, Any]:
         """For `inferred:` in `drive.yaml`."""
-        said: dict[str, Any] = {"columns": dict(self.names), "intensity_scale": self.intensity_scale}
+        message: dict[str, Any] = {"columns": dict(self.names), "intensity_scale": self.intensity_scale}
         if self.time_unit_s:
-            said["time_unit_s"] = self.time_unit_s
+            message["time_unit_s"] = self.time_unit_s
         if not self.in_place:
-            said |= {"metres": self.metres, "axes": [list(row) for row in self.axes]}
+            message |= {"metres": self.metres, "axes": [list(row) for row in self.axes]}
         if self.no_return:
-            said["no_return"] = [list(place) for place in self.no_return]
+            message["no_return"] = [list(position) for position in self.no_return]
         if self.no_return_range is not None:
-            said["no_return_range"] = self.no_return_range
-        return said | {"notes": list(self.notes)}
+            message["no_return_range"] = self.no_return_range
+        return message | {"notes": list(self.notes)}
 
 
 def find_schema(samples: Sequence[Columns], options: PointOptions | None = None, source: str = "scans") -> PointSchema:
@@ -300,9 +300,9 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
     if likely is not None and _may_be_intensity(clouds, likely, source, keys):
         found["intensity"] = likely
         spare.remove(likely)
-    told = ", ".join(f"{key.removeprefix(_UNNAMED)} {role}" for role, key in found.items())
+    report = ", ".join(f"{key.removeprefix(_UNNAMED)} {role}" for role, key in found.items())
     if len(keys) != 4 or list(found) != ["x", "y", "z", "intensity"]:
-        notes.append(f"{len(keys)} columns without names: {told}")
+        notes.append(f"{len(keys)} columns without names: {report}")
     for key in spare:
         low, high = spreads[key]
         notes.append(
@@ -394,10 +394,10 @@ def _no_returns(
         key = xyz @ np.sqrt([2.0, 3.0, 5.0])
         _, first, count = np.unique(key, return_index=True, return_counts=True)
         for row in first[count >= max(_REPEATED[0], _REPEATED[1] * len(xyz))]:
-            place = (float(xyz[row, 0]), float(xyz[row, 1]), float(xyz[row, 2]))
-            places[place] = places.get(place, 0) + int(_at(xyz, [place]).sum())
-    for place, count in places.items():
-        at = " ".join(f"{value:g}" for value in place)
+            position = (float(xyz[row, 0]), float(xyz[row, 1]), float(xyz[row, 2]))
+            places[position] = places.get(position, 0) + int(_at(xyz, [position]).sum())
+    for position, count in places.items():
+        at = " ".join(f"{value:g}" for value in position)
         notes.append(f"{count} points of {len(clouds)} scans are at {at}: taken as no return and left out")
     spheres = [_sphere(cloud.without(tuple(places)).xyz) for cloud in clouds]
     known = [value for value in spheres if value is not None]
@@ -430,8 +430,8 @@ def _spans_elevations(xyz: np.ndarray) -> bool:
 
 def _at(xyz: np.ndarray, positions: Sequence[tuple[float, float, float]]) -> np.ndarray:
     found = np.zeros(len(xyz), bool)
-    for place in positions:
-        found |= (xyz == np.array(place)).all(1)
+    for position in positions:
+        found |= (xyz == np.array(position)).all(1)
     return found
 
 

@@ -39,9 +39,9 @@ def find_scans(root: Path, pattern: str | None = None) -> tuple[Path, ...]:
     if not here:
         wanted = f"that match {pattern!r}" if pattern else f"({', '.join(SUFFIXES)}, bags, Ouster .pcap or .osf)"
         raise RecordingError(f"{root}: no scans {wanted}; give the folder that holds them")
-    kinds = {suffix: sum(suffix_of(file) == suffix for file in here) for suffix in {suffix_of(file) for file in here}}
-    if len(kinds) > 1:
-        held = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+    types = {suffix: sum(suffix_of(file) == suffix for file in here) for suffix in {suffix_of(file) for file in here}}
+    if len(types) > 1:
+        held = ", ".join(f"{count} {kind}" for kind, count in sorted(types.items()))
         raise RecordingError(f"{here[0].parent}: files of several formats ({held}); say which are scans with --scans")
     return here
 
@@ -61,10 +61,10 @@ def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
         RecordingError: the lines of such a file cannot be assigned to scans, or a line is no time.
     """
     folder = files[0].parent
-    for place in dict.fromkeys((folder, folder.parent, root)):
+    for path in dict.fromkeys((folder, folder.parent, root)):
         for name in _BESIDE:
-            if (place / name).is_file():
-                return _listed(place / name, files)
+            if (path / name).is_file():
+                return _listed(path / name, files)
     found = [max(re.findall(r"\d+", file.name) or [""], key=len) for file in files]
     digits = {len(number) for number in found}
     if len(digits) == 1 and digits <= _EPOCH_DIGITS.keys() and len(files) > 1:

@@ -87,7 +87,9 @@ def _from_oxts(folder: Path, count: int, names: tuple[str, ...]) -> np.ndarray:
     elif len(files) != count:
         files = [files[row] for row in _rows_of_scans(folder, len(files), count, names)]
     poses = np.array([read_oxts(file).pose for file in files])
-    calib = next((place / "calib.txt" for place in folder.parents[:2] if (place / "calib.txt").is_file()), None)
+    calib = next(
+        (position / "calib.txt" for position in folder.parents[:2] if (position / "calib.txt").is_file()), None
+    )
     given = _matrices(calib, ("Tr_imu_to_velo", "Tr_imu_velo")) if calib else {}
     lidar = np.eye(4)
     lidar[:3] = next(iter(given.values()), np.eye(4)[:3].ravel()).reshape(3, 4)

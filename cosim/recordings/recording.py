@@ -132,21 +132,21 @@ def open_recording(path: str | Path, **options: object) -> Recording:
         RecordingError: no scans, several formats or topics, different fields from scan to scan, or a damaged file.
         FormatError: a file cannot be read.
     """
-    place = Path(path)
-    if not place.exists():
-        raise RecordingError(f"{place}: no such file or folder; give a folder of scans, a bag or a capture")
-    settings = read_settings(place).with_options(**options)
-    sources, stamp_s = _sources(place, settings)
+    file = Path(path)
+    if not file.exists():
+        raise RecordingError(f"{file}: no such file or folder; give a folder of scans, a bag or a capture")
+    settings = read_settings(file).with_options(**options)
+    sources, stamp_s = _sources(file, settings)
     readable, damaged = _readable(sources) if settings.skip_damaged else (np.arange(len(sources)), [])
     if not len(readable):
-        raise RecordingError(f"{place}: none of {len(sources)} scans can be read; {damaged[0]}")
+        raise RecordingError(f"{file}: none of {len(sources)} scans can be read; {damaged[0]}")
     samples = _samples(tuple(sources[row] for row in readable))
     with recording_errors():
-        schema = find_schema([columns for _, columns in samples], settings.points, str(place))
-    recording = Recording(place, sources, schema, settings, stamp_s)
-    poses, said = _poses(recording)
+        schema = find_schema([columns for _, columns in samples], settings.points, str(file))
+    recording = Recording(file, sources, schema, settings, stamp_s)
+    poses, message = _poses(recording)
     recording = replace(recording, poses=poses).chosen(readable)
-    return replace(recording, notes=(*schema.notes, *said, *damaged, *_absences(recording, samples)))
+    return replace(recording, notes=(*schema.notes, *message, *damaged, *_absences(recording, samples)))
 
 
 def _columns(source: Source) -> Columns:
@@ -226,8 +226,8 @@ def _poses(recording: Recording) -> tuple[np.ndarray | None, list[str]]:
     file = find_poses(recording.path, recording.settings.poses)
     if file is None:
         return None, []
-    poses, said = read_poses(file, len(recording), recording.stamp_s, recording.names)
-    return poses, [said]
+    poses, message = read_poses(file, len(recording), recording.stamp_s, recording.names)
+    return poses, [message]
 
 
 def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[str]:

@@ -65,7 +65,7 @@ def binned(
     count = np.bincount(bin_of, minlength=bins)
     divisor = np.maximum(count, 1)
     mean = np.bincount(bin_of, residual, bins) / divisor
-    place = np.bincount(bin_of, values, bins) / divisor
+    position = np.bincount(bin_of, values, bins) / divisor
     centred = residual - mean[bin_of]
     cell = bin_of * clusters + cluster
     sums = np.bincount(cell, centred, bins * clusters).reshape(bins, clusters)
@@ -86,4 +86,4 @@ def binned(
     tested = kept[(present[kept] > 1) & (variance[kept] > 0)]
     p_values = 2 * stats.t.sf(np.abs(mean[tested]) / np.sqrt(variance[tested]), freedom[tested])
     p_value = min(len(tested) * float(p_values.min(initial=1.0)), 1.0)
-    return Binned(kept, place[kept], mean[kept], half[kept], count[kept], strength, size, p_value)
+    return Binned(kept, position[kept], mean[kept], half[kept], count[kept], strength, size, p_value)

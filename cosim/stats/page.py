@@ -56,8 +56,8 @@ def _facts(sets: Sequence[Collected]) -> str:
         if found.scanned.any():
             scans = found.scans
             facts.append(("Points a scan", f"{scans.points[found.scanned].mean():,.0f}"))
-            told = scans.rings[found.scanned & (scans.rings > 0)]
-            facts.append(("Rings", f"{told.mean():.0f}" if len(told) else "unknown"))
+            report = scans.rings[found.scanned & (scans.rings > 0)]
+            facts.append(("Rings", f"{report.mean():.0f}" if len(report) else "unknown"))
             for name, counts in (("all points", scans.intensity.sum(0)), ("cars", scans.car_intensity.sum(0))):
                 mean = histogram_mean(counts, INTENSITIES)
                 if isfinite(mean):
@@ -146,14 +146,14 @@ def _dimensions(sets: Sequence[Collected]) -> str:
             size = found.objects.of_type(name).size
             cells = []
             for column in range(3):
-                told = describe(size[:, column])
+                report = describe(size[:, column])
                 cells.append(
                     fill(
                         "<td>{:.2f} ± {:.2f}</td><td>{:.2f} – {:.2f}</td>",
-                        told["mean"],
-                        told["sd"],
-                        told["p5"],
-                        told["p95"],
+                        report["mean"],
+                        report["sd"],
+                        report["p5"],
+                        report["p95"],
                     )
                 )
             rows.append(

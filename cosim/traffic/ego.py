@@ -71,7 +71,7 @@ def anybody_comes(traffic: Traffic) -> bool:
 
 def _ridable(traffic: Traffic, actors: Actors) -> list[int]:
     """Rows of vehicles on the road without a stop ahead; if all have one (buses, shared taxis), of moving ones."""
-    kinds, lanes = actors.kinds, actors.lanes
-    on_road = [row for row in range(len(actors)) if kinds[row] in _RIDDEN and lanes[row] and not actors.parked[row]]
+    types, lanes = actors.kinds, actors.lanes
+    on_road = [row for row in range(len(actors)) if types[row] in _RIDDEN and lanes[row] and not actors.parked[row]]
     free = [row for row in on_road if not traffic.api.vehicle.getStops(actors.ids[row], 1)]
     return free or [row for row in on_road if actors.speed_mps[row] > _MOVES_MPS]

@@ -198,10 +198,10 @@ class Traffic:
             constants.VAR_TYPE: "getTypeID",
             constants.VAR_VEHICLE: "getVehicle",
         }
-        asked = [(variable, getattr(vehicle, getters[variable])) for variable in self._vehicle_variables]
-        vehicles = {name: {variable: get(name) for variable, get in asked} for name in far}
-        asked = [(variable, getattr(person, getters[variable])) for variable in self._person_variables]
-        persons = {name: {variable: get(name) for variable, get in asked} for name in walking}
+        requested = [(variable, getattr(vehicle, getters[variable])) for variable in self._vehicle_variables]
+        vehicles = {name: {variable: get(name) for variable, get in requested} for name in far}
+        requested = [(variable, getattr(person, getters[variable])) for variable in self._person_variables]
+        persons = {name: {variable: get(name) for variable, get in requested} for name in walking}
         readings = Subscriptions(constants)
         readings.read(vehicles, self._outside(persons), parked)
         heading = np.radians(90.0 - readings.angle_deg)

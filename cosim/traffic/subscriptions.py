@@ -99,11 +99,11 @@ class Subscriptions:
 
     def _fill(self, rows: np.ndarray, driven: Sequence[_Values], walking: Sequence[_Values]) -> None:
         """Take values of vehicles, and then of persons, into some rows."""
-        place, angle, speed, *more = self._columns(self._of_vehicle, driven, 6)
+        position, angle, speed, *more = self._columns(self._of_vehicle, driven, 6)
         on_foot = self._columns(self._of_person, walking, 3)
         if not len(rows):
             return
-        self.front[rows] = [*place, *on_foot[0]]
+        self.front[rows] = [*position, *on_foot[0]]
         self.angle_deg[rows] = [*angle, *on_foot[1]]
         self.numbers["speed_mps"][rows] = [*speed, *on_foot[2]]
         for name, column in zip(_NUMBERS[1:], more, strict=True):

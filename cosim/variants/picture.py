@@ -102,10 +102,10 @@ def _draw_car(frame: Frame, points: np.ndarray, colours: np.ndarray) -> tuple[np
         outlines = group.boxes_velo(frame.calibration)
         near = np.hypot(*(outlines.centre - centre)[:, :2].T) < 2 * _PLAN_REACH_M
         local = type(outlines)(outlines.centre[near] - centre, outlines.size[near], outlines.yaw[near])
-        kinds = tuple(
+        types = tuple(
             "other" if thickness == 1 else kind for kind, is_near in zip(group.type, near, strict=True) if is_near
         )
-        draw_outlines(from_above, local, kinds, plan, thickness)
+        draw_outlines(from_above, local, types, plan, thickness)
     cut = (from_above.shape[0] - height) // 2
     from_above = from_above[cut : cut + height]
     draw_text(from_above, "thin: exact box, thick: label", (8, 8), 11, TEXT)

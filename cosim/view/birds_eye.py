@@ -105,7 +105,7 @@ def _draw_rings(image: np.ndarray, plan: GroundPlan) -> None:
 
 def _name_rings(image: np.ndarray, plan: GroundPlan) -> None:
     for radius in range(_RING_STEP_M, int(plan.reach_m) + 1, _RING_STEP_M):
-        place = plan.pixels(np.array([0.7071, -0.7071]) * radius)
-        draw_text(image, f"{radius} m", (place[0], place[1]), 9, MUTED, (0.5, 0.5), BACKGROUND)
+        position = plan.pixels(np.array([0.7071, -0.7071]) * radius)
+        draw_text(image, f"{radius} m", (position[0], position[1]), 9, MUTED, (0.5, 0.5), BACKGROUND)
     draw_text(image, "x forward", (plan.size_px / 2, 12), 11, MUTED, (0.5, 0), BACKGROUND)
     draw_text(image, "y left", (12, plan.size_px / 2), 11, MUTED, (0, 0.5), BACKGROUND)

@@ -74,8 +74,8 @@ def find_objects(frame: Frame) -> Objects:
             "twin",
         )
     boxes = labelled_boxes(frame)
-    kinds = frame.labels.cared_for.type if frame.has("label_2") else ()
-    return Objects(boxes, kinds, "labels" if frame.has("label_2") else "none")
+    types = frame.labels.cared_for.type if frame.has("label_2") else ()
+    return Objects(boxes, types, "labels" if frame.has("label_2") else "none")
 
 
 def find_instances(drive: Drive, frame: Frame, objects: Objects) -> PointInstances:

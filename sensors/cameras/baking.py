@@ -51,8 +51,10 @@ class SunShadows:
         origin = self._vertices[rows] + _WORLD_LIFT_M * self._normal[rows]
         sunlit = ~_blocked(self._bvh, origin, np.broadcast_to(self._sun, origin.shape), _SUN_REACH_M)
         new = np.isnan(self._sky[rows])
-        asked = rows[new]
-        self._sky[asked] = _sky_share(self._bvh, origin[new], self._normal[asked], _WORLD_RINGS, _WORLD_SKY_REACH_M)
+        requested = rows[new]
+        self._sky[requested] = _sky_share(
+            self._bvh, origin[new], self._normal[requested], _WORLD_RINGS, _WORLD_SKY_REACH_M
+        )
         return np.stack([sunlit.astype(np.float32), self._sky[rows]], 1)
 
 

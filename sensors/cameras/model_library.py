@@ -83,11 +83,11 @@ class ModelLibrary:
             return
         matrices = _instance_matrices(instances, rows, view.camera_from_world)
         levels = level_of(matrices[:, 2, 3], view.focal_px).tolist()
-        kinds = [(instances.models[row], level) for row, level in zip(rows, levels, strict=True)]
-        order = sorted(range(len(kinds)), key=kinds.__getitem__)
+        types = [(instances.models[row], level) for row, level in zip(rows, levels, strict=True)]
+        order = sorted(range(len(types)), key=types.__getitem__)
         self._instances.fill(matrices[order])
         closed, rest, start = [], [], 0
-        for kind, members in groupby(order, key=kinds.__getitem__):
+        for kind, members in groupby(order, key=types.__getitem__):
             model, count = self._model(*kind), len(list(members))
             closed.append((model.first, model.n_closed, start, count))
             rest.append((model.first + model.n_closed, model.n_faces - model.n_closed, start, count))

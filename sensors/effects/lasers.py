@@ -25,22 +25,22 @@ def for_rings(kind: type[Effect], rings: int) -> type[Effect]:
 
 def with_rings(effects: Sequence[Effect], rings: int) -> tuple[Effect, ...]:
     """Effects as fits need them: each of the class that has as many numbers as there are lasers."""
-    kinds = [for_rings(type(effect), rings) for effect in effects]
+    types = [for_rings(type(effect), rings) for effect in effects]
     return tuple(
         effect if kind is type(effect) else kind.model_validate(effect.model_dump())
-        for effect, kind in zip(effects, kinds, strict=True)
+        for effect, kind in zip(effects, types, strict=True)
     )
 
 
 def as_known(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     """The same effects of the classes that the catalogue and the user know."""
     known = effect_classes()
-    kinds = [known.get(effect.name, type(effect)) for effect in effects]
+    types = [known.get(effect.name, type(effect)) for effect in effects]
     return tuple(
         kind.model_validate(effect.model_dump())
         if type(effect) is not kind and issubclass(type(effect), kind)
         else effect
-        for effect, kind in zip(effects, kinds, strict=True)
+        for effect, kind in zip(effects, types, strict=True)
     )
 
 

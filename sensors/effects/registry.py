@@ -92,8 +92,10 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
         except (Exception, SystemExit) as error:
             del sys.modules[module_name]
             line = line_of(error, path)
-            place = f"{path}, line {line}," if line else f"{path}"
-            raise SensorError(f"effect {text!r}: {place} does not load: {_reason(error)}; correct the file") from error
+            position = f"{path}, line {line}," if line else f"{path}"
+            raise SensorError(
+                f"effect {text!r}: {position} does not load: {_reason(error)}; correct the file"
+            ) from error
     if not hasattr(module, name):
         raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
     found = _checked(getattr(module, name), text)

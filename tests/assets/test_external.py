@@ -181,11 +181,11 @@ def test_a_catalogue_model_written_and_read_is_the_same_vehicle(tmp_path: Path, 
     (tmp_path / "own.glb").write_bytes(encode_glb(mesh, name))
     folder = manifest(tmp_path, {"file": "own.glb", "kind": spec.kind, "forward": "x"})
     models = load_external(folder)
-    again, told = models.meshes["own"], models.specs["own"]
+    again, report = models.meshes["own"], models.specs["own"]
     np.testing.assert_allclose(again.bounds, mesh.bounds, atol=1e-4)
     assert again.material_names() == mesh.material_names()
-    assert told.front_axle_x_m == pytest.approx(spec.front_axle_x_m, abs=0.05)
-    assert told.track_m == pytest.approx(spec.track_m, abs=0.1)
+    assert report.front_axle_x_m == pytest.approx(spec.front_axle_x_m, abs=0.05)
+    assert report.track_m == pytest.approx(spec.track_m, abs=0.1)
 
 
 def test_given_dimensions_win_and_the_rest_follow_in_proportion(tmp_path: Path) -> None:

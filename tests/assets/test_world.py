@@ -193,10 +193,10 @@ def test_every_pane_sits_in_an_opening_with_a_dark_room_behind_it(style, outline
 
 def test_same_seed_same_bytes_other_seed_other_town_on_the_same_streets(streets, world):
     again, other = build_world(streets, seed=5), build_world(streets, seed=6)
-    for mine, theirs in ((world.mesh, again.mesh), (world.ground, again.ground)):
-        assert mine.vertices.tobytes() == theirs.vertices.tobytes()
-        assert mine.faces.tobytes() == theirs.faces.tobytes()
-        assert mine.materials.tobytes() == theirs.materials.tobytes()
+    for own, theirs in ((world.mesh, again.mesh), (world.ground, again.ground)):
+        assert own.vertices.tobytes() == theirs.vertices.tobytes()
+        assert own.faces.tobytes() == theirs.faces.tobytes()
+        assert own.materials.tobytes() == theirs.materials.tobytes()
     assert other.mesh.vertices.tobytes() != world.mesh.vertices.tobytes()
     assert other.ground.vertices.tobytes() == world.ground.vertices.tobytes()
 

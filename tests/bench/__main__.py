@@ -39,9 +39,9 @@ def main() -> None:
 
 def _measured(timed: Sequence[tuple[str, Callable[[], Iterable[Row]]]]) -> Iterator[tuple[str, Iterable[Row]]]:
     """Sections with their rows, each said before it starts: all take minutes."""
-    said = Console(stderr=True, style="dim")
+    message = Console(stderr=True, style="dim")
     for number, (title, rows) in enumerate(timed, start=1):
-        said.print(f"{number}/{len(timed)} {title}")
+        message.print(f"{number}/{len(timed)} {title}")
         yield title, rows()
 
 

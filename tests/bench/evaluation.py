@@ -15,7 +15,7 @@ _FRAMES = 3769
 def main() -> None:
     rng = np.random.default_rng(0)
     labels = [objects(rng, int(rng.integers(4, 14))) for _ in range(_FRAMES)]
-    scored = pair_frames(labels, [as_detections(rng, some, 0.05, ties=False) for some in labels])
+    scored = pair_frames(labels, [as_detections(rng, subset, 0.05, ties=False) for subset in labels])
     wall, processor = time.perf_counter(), time.process_time()
     evaluate(scored)
     wall, processor = time.perf_counter() - wall, time.process_time() - processor

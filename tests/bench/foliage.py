@@ -66,8 +66,8 @@ def material_rows(path: Path, fewest: float = 0.005) -> list[str]:
         material = hits.solid.material[ring * pattern.firings + step][upright]
         scattered, _ = scatter_of(frame.points)
         for row, name in enumerate(hits.table.names):
-            mine = material == row
-            counts[name] = counts.get(name, np.zeros(2)) + np.array([mine.sum(), scattered[mine].sum()])
+            own = material == row
+            counts[name] = counts.get(name, np.zeros(2)) + np.array([own.sum(), scattered[own].sum()])
     everything = sum(count for count, _ in counts.values())
     largest = sorted(counts.items(), key=lambda item: -item[1][0])
     return [

@@ -51,11 +51,11 @@ def stage_rows() -> Iterator[Row]:
     config = RunConfig(frames=_STAGED + 2, frames_per_episode=_STAGED + 2, seed=_SEED)
     plan = plan_episodes(config)[0]
     spent: Counter[str] = Counter()
-    begun: list[float] = []
+    started: list[float] = []
 
     def follow(_: str) -> None:
-        begun.append(time.process_time())
-        if len(begun) == 2:  # models and programs are made by now
+        started.append(time.process_time())
+        if len(started) == 2:  # models and programs are made by now
             spent.clear()
 
     with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
@@ -64,8 +64,8 @@ def stage_rows() -> Iterator[Row]:
         recorder = Recorder(config, rig_sensors(config), DriveWriter(Path(folder)))
         run_episode(plan, config, recorder.move_to(plan), recorder, done=(), on_frame=follow)
         recorder.close()
-    frames = len(begun) - 2
-    total = (begun[-1] - begun[1]) / frames
+    frames = len(started) - 2
+    total = (started[-1] - started[1]) / frames
     yield Row("all", f"{total * 1e3:.0f} ms")
     for stage in _STAGES:
         yield Row(stage, f"{spent[stage] / frames * 1e3:.1f} ms, {spent[stage] / frames / total:.0%}")
@@ -81,20 +81,20 @@ def size_rows() -> Iterator[Row]:
         sizes = _bytes_a_frame(few)
         hits = sizes.pop("hits")
         yield Row("a frame on disk", f"{sum(sizes.values()) / 1e6:.2f} MB, hits {hits / 1e6:.2f} MB more")
-        begun = time.monotonic()
+        started = time.monotonic()
         make_variants(few, ",".join(PAPER), Path(folder) / "variants")
-        seconds = (time.monotonic() - begun) / _VARIED
+        seconds = (time.monotonic() - started) / _VARIED
         yield Row(f"cosim variants, the paper's {len(PAPER)}, one worker, start included", f"{seconds:.2f} s a frame")
 
 
 def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
-        begun = time.thread_time()
+        started = time.thread_time()
         try:
             return function(*args, **kwargs)
         finally:
-            spent[stage] += time.thread_time() - begun  # type: ignore[assignment]
+            spent[stage] += time.thread_time() - started  # type: ignore[assignment]
 
     return wrapper
 

@@ -40,9 +40,9 @@ def rows() -> Iterator[Row]:
 
 
 def _own_s(call: Callable[[], object]) -> float:
-    begun = time.process_time()
+    started = time.process_time()
     call()
-    return time.process_time() - begun
+    return time.process_time() - started
 
 
 def _slashed(values: list[float], form: str) -> str:

@@ -26,9 +26,9 @@ def rows() -> Iterator[Row]:
 
     config = RunConfig(frames=_FRAMES, frames_per_episode=_EPISODE, seed=1, sensor="kitti")
     with tempfile.TemporaryDirectory() as folder:
-        begun = time.monotonic()
+        started = time.monotonic()
         run(config, Path(folder) / "drive", engine=LocalEngine(2), on_event=on_event)
-        rate = _FRAMES / (time.monotonic() - begun)
+        rate = _FRAMES / (time.monotonic() - started)
     counts = [round(share * len(peaks)) for share in _SHARES]
     frames = " / ".join(str(count * _EPISODE) for count in counts)
     figures = " / ".join(f"{peaks[count - 1]:.0f}" for count in counts)

@@ -47,11 +47,11 @@ def measured(config: RunConfig, workers: int) -> Measured:
         elif event.kind == "task":
             peaks.append(event.peak_bytes)
 
-    before, begun = _children_s(), time.monotonic()
+    before, started = _children_s(), time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
         run(config, Path(folder) / "drive", engine=LocalEngine(workers), on_event=on_event)
-        wall_s = time.monotonic() - begun
-    return Measured(wall_s, _children_s() - before, stamps[0] - begun, max(peaks, default=0))
+        wall_s = time.monotonic() - started
+    return Measured(wall_s, _children_s() - before, stamps[0] - started, max(peaks, default=0))
 
 
 def rows() -> Iterator[Row]:

@@ -82,8 +82,8 @@ def rows(ours: Signature, real: Signature) -> Iterator[Row | Gap]:
     yield Gap("returns a ring", "mean |ln ratio| over 64 rings", _log_distance(*by_ring))
     places = [f"{low:.0f}–{high:.0f} m" for low, high in pairwise(REACH_EDGES_M)]
     lost = [
-        _row("share of firings lost", place, *(_share(s.lost[:, k, 0], s.lost[:, k].sum(1)) for s in (ours, real)))
-        for k, place in enumerate(places)
+        _row("share of firings lost", position, *(_share(s.lost[:, k, 0], s.lost[:, k].sum(1)) for s in (ours, real)))
+        for k, position in enumerate(places)
     ]
     yield from _group("share of firings lost", "mean |difference|", lost, logarithmic=False)
     for title, column in (("intensity elsewhere", "intensity"), ("intensity on cars", "car_intensity")):

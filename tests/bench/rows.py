@@ -42,7 +42,7 @@ def best_s(call: Callable[[], object], repeats: int, clock: Callable[[], float] 
     """The shortest of some calls [s]; by default in this thread's own time, which other processes do not lengthen."""
     times = []
     for _ in range(repeats):
-        begun = clock()
+        started = clock()
         call()
-        times.append(clock() - begun)
+        times.append(clock() - started)
     return min(times)

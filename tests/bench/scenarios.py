@@ -45,8 +45,8 @@ def row(config: Path, folder: Path) -> str:
         )
     except subprocess.TimeoutExpired:
         return f"| `{config.name}` | no end after {_LIMIT_S} s | |"
-    said = [line for line in run.stderr.splitlines() if line.strip()]
-    notes = "; ".join(_short(line, config) for line in said)
+    message = [line for line in run.stderr.splitlines() if line.strip()]
+    notes = "; ".join(_short(line, config) for line in message)
     if run.returncode:
         return f"| `{config.name}` | refused ({run.returncode}) | {notes} |"
     frames = list(Drive(out))

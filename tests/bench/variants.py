@@ -42,13 +42,13 @@ def _timed(folder: Path) -> dict[str, float]:
     spent = {"measuring": 0.0, "writing": 0.0}
     with ThreadPoolExecutor(3) as disk:
         for name in source.drive.frames[1:]:
-            begun = time.process_time()
+            started = time.process_time()
             frames = maker.make(name, PAPER)
             made = time.process_time()
             linked = source.linked_files(name)
             jobs = [disk.submit(writers[s].write_variant, name, f, linked, source.sha256) for s, f in frames.items()]
             for job in jobs:
                 job.result()
-            spent["measuring"] += made - begun
+            spent["measuring"] += made - started
             spent["writing"] += time.process_time() - made
     return {name: value / (len(source.drive) - 1) for name, value in spent.items()}

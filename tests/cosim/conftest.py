@@ -21,12 +21,12 @@ def cosim(*arguments: object, check: bool = True, timeout: float = 600) -> subpr
 
 def refused(*arguments: object) -> str:
     """What the command line says to bad input: one line on stderr, with exit code 2."""
-    said, printed = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(printed):
+    message, printed = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stderr(message), contextlib.redirect_stdout(printed):
         try:
             code = main([str(argument) for argument in arguments])
         except SystemExit as end:  # the parser's own complaints
             code = end.code
-    text = said.getvalue()
+    text = message.getvalue()
     assert code == 2 and text.count("\n") == 1 and "Traceback" not in text, (code, text)
     return text.rstrip("\n")

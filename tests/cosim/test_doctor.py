@@ -65,6 +65,6 @@ def test_one_way_to_draw_is_enough_and_none_is_too_few(monkeypatch, capsys):
     assert not can_record([part("SUMO", False, True), osmesa, egl])
     monkeypatch.setattr(doctor, "examine", lambda: iter([sumo, osmesa, part("EGL", False)]))
     assert main(["doctor"]) == 2
-    said = capsys.readouterr()
-    assert "missing  OSMesa: apt-get install it (images)" in said.out
-    assert "cosim run does not work here: OSMesa is missing" in said.err
+    message = capsys.readouterr()
+    assert "missing  OSMesa: apt-get install it (images)" in message.out
+    assert "cosim run does not work here: OSMesa is missing" in message.err

@@ -87,9 +87,9 @@ def read_blocks(page: str) -> list[Block]:
         indent = len(opening["indent"])
         body = "\n".join(line[indent:] for line in lines[at + 1 : end]) + "\n"
         title = _TITLE.search(opening["rest"])
-        said = _COMMENT.match(lines[at - 1]) if at else None
+        message = _COMMENT.match(lines[at - 1]) if at else None
         plain = "slow" if page in STORIES else ""
-        when, reason, smaller = _plan(said[1] if said else plain, f"{page}:{at + 1}")
+        when, reason, smaller = _plan(message[1] if message else plain, f"{page}:{at + 1}")
         name = title[1] if title else ""
         blocks.append(Block(page, at + 1, opening["language"], name, body, when, reason, smaller))
         at = end + 1

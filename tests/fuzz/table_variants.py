@@ -94,7 +94,7 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path, said: list
     """Write the truth as a table in a way drawn at random, and append what was drawn."""
     stride = int(rng.choice([1, 1, 2, 5, 10]))
     time = truth.time_s[::stride]
-    place, heading = truth.middle[:, ::stride], truth.heading_rad[:, ::stride]
+    position, heading = truth.middle[:, ::stride], truth.heading_rad[:, ::stride]
     speed = truth.speed_mps[:, ::stride]
     said.append(f"every {stride * _STEP_S:g} s")
     name = str(rng.choice(list(_TIMES)))
@@ -109,18 +109,18 @@ def write_variant(truth: Truth, rng: np.random.Generator, path: Path, said: list
     turn = np.array(_AXES[axes], float)
     metres = float(rng.choice([1.0, 1.0, 1.0, 1.0, 0.3048, 0.01]))
     said.append(f"positions in {metres:g} m")
-    place = place @ turn.T / metres
+    position = position @ turn.T / metres
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1) @ turn.T
     velocity = ahead * speed[..., None]
     stored_heading = np.arctan2(ahead[..., 1], ahead[..., 0])
-    users, count = place.shape[:2]
+    users, count = position.shape[:2]
     columns: dict[str, list[str]] = {}
     ticks = [(epoch + value) / unit for value in time]
     digits = 0 if unit < 1e-2 else 3
     columns[name] = [f"{tick:.{digits}f}" for _ in range(users) for tick in ticks]
     columns["track_id"] = [str(user + 1) for user in range(users) for _ in range(count)]
-    columns["x"] = [f"{value:.3f}" for value in place[..., 0].ravel()]
-    columns["y"] = [f"{value:.3f}" for value in place[..., 1].ravel()]
+    columns["x"] = [f"{value:.3f}" for value in position[..., 0].ravel()]
+    columns["y"] = [f"{value:.3f}" for value in position[..., 1].ravel()]
     if rng.random() < 0.6:
         words = {"heading": (1.0, "east"), "heading_deg": (np.pi / 180, "east"), "psi_rad": (1.0, "east")}
         word = str(rng.choice(list(words)))

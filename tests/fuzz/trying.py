@@ -53,9 +53,9 @@ def try_reader(reader: Reader, folder: Path, trials: int, seed: int = 0) -> Tall
     try:
         for trial in range(seed, seed + trials):
             path.write_bytes(reader.spoil(whole, np.random.default_rng(trial)))
-            begun = time.monotonic()
+            started = time.monotonic()
             _try(reader, path, trial, tally)
-            tally.slowest_s = max(tally.slowest_s, time.monotonic() - begun)
+            tally.slowest_s = max(tally.slowest_s, time.monotonic() - started)
     finally:
         path.write_bytes(whole)
     return tally

@@ -190,8 +190,8 @@ class _Seed:
             yield self._case(SEVERAL, "+".join(names), effects=names, level="strong")
 
     def _unseen(self) -> Iterator[Case]:
-        for group, kinds in ((UNSEEN, FAULTS), (FORM, FORMS)):
-            for kind in kinds:
+        for group, types in ((UNSEEN, FAULTS), (FORM, FORMS)):
+            for kind in types:
                 for draw in range(_DRAWS[group]):
                     yield self._case(group, f"{kind}{draw}", types=(kind,), level=self._level(group, kind, draw))
         for draw in range(_TWOS):

@@ -69,8 +69,8 @@ def neighbour(scan: Scan, values: np.ndarray, which: str, missing: float) -> np.
 
 def kind(scan: Scan) -> np.ndarray:
     """(n,) kind of road user that answers, `none` for the static world."""
-    kinds = np.array([*(thing["kind"] for thing in scan.frame["instances"]), _NO_INSTANCE_KIND, _NO_INSTANCE_KIND])
-    return kinds[scan.instance]  # −1 and −2 are the last two
+    types = np.array([*(thing["kind"] for thing in scan.frame["instances"]), _NO_INSTANCE_KIND, _NO_INSTANCE_KIND])
+    return types[scan.instance]  # −1 and −2 are the last two
 
 
 def made_of(scan: Scan, materials: tuple[str, ...]) -> np.ndarray:

@@ -96,12 +96,12 @@ def read_measured(drive: Path, name: str, beams: Beams) -> _Measured:
     nominal = beams.azimuth.reshape(beams.rings, beams.firings)
     turned = np.mod(nominal[:, 0][ring] - azimuth, 2 * np.pi)
     row = ring * beams.firings + np.round(turned * beams.firings / (2 * np.pi)).astype(int) % beams.firings
-    told = _Measured(np.zeros(len(beams.ring), bool), np.zeros(len(beams.ring)), np.zeros(len(beams.ring)))
+    report = _Measured(np.zeros(len(beams.ring), bool), np.zeros(len(beams.ring)), np.zeros(len(beams.ring)))
     # The reported centre is on the sensor's axis: range = projection on the beam, less the centre's.
     direction, flat = beams.direction[row], np.hypot(points[:, 0], points[:, 1])
-    told.range_m[row] = flat / np.hypot(direction[:, 0], direction[:, 1])
-    told.found[row], told.intensity[row] = True, points[:, 3]
-    return told
+    report.range_m[row] = flat / np.hypot(direction[:, 0], direction[:, 1])
+    report.found[row], report.intensity[row] = True, points[:, 3]
+    return report
 
 
 def edges(scan: Scan) -> np.ndarray:
@@ -133,10 +133,10 @@ def _scores(ensemble: list[_Measured], data: _Measured, clear: np.ndarray) -> di
     drop = (chance - data.found) ** 2 - chance * (1 - chance) / (m - 1)
     scores = {"drop": drop[clear]}
     for name, limit in (("range_m", _CLIP_M), ("intensity", np.inf)):
-        told = np.stack([getattr(member, name)[matched] for member in ensemble])
+        report = np.stack([getattr(member, name)[matched] for member in ensemble])
         heard = found[:, matched]
-        told = np.where(heard, told, np.nan)
-        filled = np.where(heard, told, np.nanmedian(told, axis=0))
+        report = np.where(heard, report, np.nan)
+        filled = np.where(heard, report, np.nanmedian(report, axis=0))
         scores[name.removesuffix("_m")] = _crps(filled, getattr(data, name)[matched], limit)
     return scores
 

@@ -38,9 +38,9 @@ def _shrunk(line, twin, points, to_camera, a, b, jitter_m, moods, rng) -> str:
     words = line.split()
     if words[0] not in ("Car", "Van", "Truck"):
         return line
-    place = np.array([float(v) for v in words[11:14]])
-    best = min(twin["instances"], key=lambda one: np.hypot(*(_bottom(one, to_camera) - place)[[0, 2]]))
-    if np.hypot(*(_bottom(best, to_camera) - place)[[0, 2]]) > 0.3:
+    position = np.array([float(v) for v in words[11:14]])
+    best = min(twin["instances"], key=lambda one: np.hypot(*(_bottom(one, to_camera) - position)[[0, 2]]))
+    if np.hypot(*(_bottom(best, to_camera) - position)[[0, 2]]) > 0.3:
         return line
     pose, size = np.array(best["pose"]), np.array([best["length_m"], best["width_m"], best["height_m"]])
     local = (points - pose[:3, 3]) @ pose[:3, :3]
@@ -51,7 +51,7 @@ def _shrunk(line, twin, points, to_camera, a, b, jitter_m, moods, rng) -> str:
     mood = moods.setdefault(best["id"], rng.normal(0, jitter_m, 3)) if jitter_m else np.zeros(3)
     loss = np.array(a) + np.array(b) * (size - (high - low)) + mood
     words[8:11] = [f"{value:.2f}" for value in (size - loss)[[2, 1, 0]]]
-    words[12] = f"{place[1] - _LIFT_M:.2f}"
+    words[12] = f"{position[1] - _LIFT_M:.2f}"
     return " ".join(words)
 
 

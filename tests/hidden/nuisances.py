@@ -46,8 +46,8 @@ def _spoil(frames: list[dict], factor: float, rng: np.random.Generator) -> None:
     tracks: dict[str, np.ndarray] = {}
     paints: dict[str, float] = {}
     for frame in frames:
-        place, turn = factor * _SCAN_M * rng.normal(size=3), factor * _SCAN_DEG * rng.normal(size=3)
-        frame["ego"]["pose"] = _rounded(np.array(frame["ego"]["pose"], float) @ _moved(place, turn))
+        position, turn = factor * _SCAN_M * rng.normal(size=3), factor * _SCAN_DEG * rng.normal(size=3)
+        frame["ego"]["pose"] = _rounded(np.array(frame["ego"]["pose"], float) @ _moved(position, turn))
         for thing in frame["instances"]:
             kept = tracks.setdefault(thing["id"], rng.normal(size=4))
             x, y, z, yaw = factor * (_CONSTANT**0.5 * kept + (1 - _CONSTANT) ** 0.5 * rng.normal(size=4))

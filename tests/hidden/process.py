@@ -57,21 +57,21 @@ class Version:
 
 def run_limited(command: list[str], work: Path, environment: Mapping[str, str], limit_s: float) -> Ended:
     """Run a command in a folder, and stop it after so many CPU seconds of one of its processes."""
-    said, begun = work / "said.txt", time.monotonic()
-    with said.open("w") as out:
+    message, started = work / "said.txt", time.monotonic()
+    with message.open("w") as out:
         process = subprocess.Popen(
             command, cwd=work, env=environment, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
         resource.prlimit(process.pid, resource.RLIMIT_CPU, (round(limit_s), round(limit_s) + 1))
-        late, status, usage = _waited(process.pid, begun + _MOST_WALL * limit_s)
+        late, status, usage = _waited(process.pid, started + _MOST_WALL * limit_s)
     process.returncode = os.waitstatus_to_exitcode(status)
     trouble = ""
     if late or process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         trouble = f"took longer than {limit_s:.0f} CPU seconds"
     elif process.returncode:
-        trouble = said.read_text().strip()[-1500:] or f"ended with {process.returncode}"
+        trouble = message.read_text().strip()[-1500:] or f"ended with {process.returncode}"
     cpu_s = usage.ru_utime + usage.ru_stime
-    return Ended(trouble, time.monotonic() - begun, cpu_s, usage.ru_maxrss / 2**20)
+    return Ended(trouble, time.monotonic() - started, cpu_s, usage.ru_maxrss / 2**20)
 
 
 def _waited(pid: int, until: float):

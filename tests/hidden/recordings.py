@@ -100,16 +100,16 @@ def base_drive(town: str, folder: Path) -> Path:
 
 def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     """The recording, the drive with its true twin, and the sensor file that its user has."""
-    place = folder / case.name
-    drive = place / "drive"
-    if not (place / "made").exists():
-        shutil.rmtree(place, ignore_errors=True)
-        place.mkdir(parents=True)
+    path = folder / case.name
+    drive = path / "drive"
+    if not (path / "made").exists():
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir(parents=True)
         make_drive(base_drive(case.town, folder), drive, Hidden(effects=case.effects, seed=case.seed, firings=_FIRINGS))
-        (place / "recording").mkdir()
-        shutil.copytree(drive / "velodyne", place / "recording" / "velodyne")
-        (place / "made").touch()
-    return place / "recording", drive, place / "drive.sensor.yaml"
+        (path / "recording").mkdir()
+        shutil.copytree(drive / "velodyne", path / "recording" / "velodyne")
+        (path / "made").touch()
+    return path / "recording", drive, path / "drive.sensor.yaml"
 
 
 def arranged(recording: Path, order: str) -> Path:
@@ -135,15 +135,15 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
     name = "calibrated_from_file" if sensor else "calibrated"
     out = folder / case.name / (name if order == "rings" else f"{name}_{order}")
     own = ["--sensor", file] if sensor else []
-    told, cpu_s = _pattern_findings(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
-    latest = {one["effect"]: one for one in _of_points(told["rounds"][0]["effects"])}
-    for one in told["rounds"]:
+    report, cpu_s = _pattern_findings(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
+    latest = {one["effect"]: one for one in _of_points(report["rounds"][0]["effects"])}
+    for one in report["rounds"]:
         for finding in one["findings"]:
             latest[finding["effect"]] = finding
         for name, values in one["refitted"].items():
             if name in latest:
                 latest[name] = {**latest[name], **values}
-    last = told["rounds"][-1]
+    last = report["rounds"][-1]
     return _answer(list(latest.values()), last, cpu_s)
 
 
@@ -160,10 +160,10 @@ def diagnosed(case: Case, folder: Path) -> Answer:
     """What the same points say with the true twin."""
     _, drive, file = made(case, folder)
     out = folder / case.name / "diagnosed"
-    told, cpu_s = _pattern_findings(
+    report, cpu_s = _pattern_findings(
         out, "diagnose", drive, "--sensor", file, "--frames", _SCANS, "--out", out / "files"
     )
-    return _answer(told["effects"], told, cpu_s)
+    return _answer(report["effects"], report, cpu_s)
 
 
 def _answer(effects: list[dict[str, Any]], values: Mapping[str, Any], cpu_s: float) -> Answer:
@@ -202,16 +202,16 @@ def line(case: Case, answer: Answer) -> str:
 
 
 def _beside(true: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    said = []
+    message = []
     for name, value in true.items():
-        told = result["params"].get(name)
+        report = result["params"].get(name)
         if isinstance(value, list):
-            away = np.subtract(told, value)
-            said.append(f"{name} sd of error {np.std(away):.3g} of {np.std(value):.3g}")
-        elif isinstance(value, float | int) and told is not None:
+            away = np.subtract(report, value)
+            message.append(f"{name} sd of error {np.std(away):.3g} of {np.std(value):.3g}")
+        elif isinstance(value, float | int) and report is not None:
             interval = result["ci95"].get(name) or ["", ""]
-            said.append(f"{name} {told:.4g} {interval} true {value:.4g}")
-    return "; ".join(said)
+            message.append(f"{name} {report:.4g} {interval} true {value:.4g}")
+    return "; ".join(message)
 
 
 def main(words: list[str] | None = None) -> None:

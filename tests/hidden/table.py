@@ -159,9 +159,9 @@ def _costs() -> list[_Line]:
 def _print_types(name: str, rows: Sequence[Row]) -> None:
     """A line per kind of unseen effect, for one version."""
     items = _asked(UNSEEN_GROUPS, "")
-    kinds = sorted({kind for row in rows if row["group"] in UNSEEN_GROUPS for kind in row["kinds"]})
+    types = sorted({kind for row in rows if row["group"] in UNSEEN_GROUPS for kind in row["kinds"]})
     print(f"\n{name[-26:]:26s} {'cases':>5s}" + "".join(f" {item:>20s}" for item, _, _ in items))
-    for kind in kinds:
+    for kind in types:
         of_kind = [row for row in rows if row["group"] in UNSEEN_GROUPS and kind in row["kinds"]]
         text = f"{kind:26s} {len(of_kind):5d}"
         for _, _, values in items:

@@ -25,8 +25,8 @@ def test_unsteady_labels_are_no_bias(base: Path, tmp_path: Path) -> None:
     from cosim.drives.kitti import Drive
     from cosim.labels.bias import diagnose_labels
 
-    said = []
+    message = []
     for seed in range(1, 7):
         shrink_labels(base, tmp_path / f"unsteady{seed}", (0, 0, 0), (0, 0, 0), jitter_m=0.05, seed=seed)
-        said.append(diagnose_labels(Drive(tmp_path / f"unsteady{seed}")).verdict)
-    assert said.count("none") >= 4
+        message.append(diagnose_labels(Drive(tmp_path / f"unsteady{seed}")).verdict)
+    assert message.count("none") >= 4

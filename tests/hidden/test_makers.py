@@ -127,8 +127,8 @@ def test_rays_from_inside_an_object_hit_it(bench: Bench) -> None:
         below = -0.1 * model.radius * pose[:3, 2]  # the bonnet
         near_the_end = middle + below + 0.73 * model.radius * thing["scale"][0] * ahead  # the middle lies behind
         found = bench.twin.cast(bench.frame, near_the_end, ahead, 0.0, (0.0, 50.0))
-        mine = np.logical_or.reduce([(one.instance == row) & (one.distance < 1.5) for one in found])
-        assert mine.all(), thing["model"]
+        own = np.logical_or.reduce([(one.instance == row) & (one.distance < 1.5) for one in found])
+        assert own.all(), thing["model"]
     assert cars > 3
 
 
@@ -302,5 +302,5 @@ def _by_beam(drive: Path, name: str) -> dict[tuple[int, int], tuple[float, float
     points = np.fromfile(drive / "velodyne" / f"{name}.bin", "<f4").reshape(-1, 4)
     with np.load(drive / "rays" / f"{name}.npz") as rays:
         ring, azimuth = rays["ring"].tolist(), np.round(rays["azimuth"] * 1e4).astype(int).tolist()
-    told = zip(np.linalg.norm(points[:, :3], axis=1).tolist(), points[:, 3].tolist(), strict=True)
-    return dict(zip(zip(ring, azimuth, strict=True), told, strict=True))
+    report = zip(np.linalg.norm(points[:, :3], axis=1).tolist(), points[:, 3].tolist(), strict=True)
+    return dict(zip(zip(ring, azimuth, strict=True), report, strict=True))

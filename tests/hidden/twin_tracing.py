@@ -124,8 +124,8 @@ class Twin:
         for near, shape in ((solid, world.solid), (pane, world.pane)):
             near.offer(shape, everything, origin, direction32, None, STATIC)
         for row, thing in enumerate(frame["instances"]):
-            place = np.array(thing["pose"])[:3, 3]
-            if np.linalg.norm(place - np.clip(place, low, high)) > far + _LONGEST_M:
+            position = np.array(thing["pose"])[:3, 3]
+            if np.linalg.norm(position - np.clip(position, low, high)) > far + _LONGEST_M:
                 continue
             model = self._model(thing["model"])
             rays, local_origin, local_direction, normals = _to_model(

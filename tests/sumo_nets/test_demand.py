@@ -47,8 +47,8 @@ def test_no_more_vehicles_park_than_there_are_lots(town, tmp_path):
 def test_types_follow_their_shares(town, tmp_path):
     shares = KindShares(car=0.5, van=0, truck=0.3, bus=0, motorcycle=0, cyclist=0.2)
     demand = Demand(driving=400, parked=0, walking=0, duration_s=1, kinds=shares)
-    kinds = read_types(town.additional).kinds
-    counts = Counter(kinds[name] for name in _people(write_demand(town, demand, 3, tmp_path)).values())
+    types = read_types(town.additional).kinds
+    counts = Counter(types[name] for name in _people(write_demand(town, demand, 3, tmp_path)).values())
     assert set(counts) == {"car", "truck", "cyclist"}
     for kind, share in (("car", 0.5), ("truck", 0.3), ("cyclist", 0.2)):
         assert counts[kind] / 400 == pytest.approx(share, abs=4 * np.sqrt(share * (1 - share) / 400))
@@ -86,9 +86,9 @@ def test_draws_stay_within_their_ranges_and_repeat(seed):
 
 
 def test_types_without_spread_are_the_ones_given():
-    kinds = KindShares(car=1, truck=2)
-    drawn = DemandConfig(kinds=kinds, kind_spread=0).draw(Demand(), np.random.default_rng(0))
-    assert drawn.kinds == kinds
+    types = KindShares(car=1, truck=2)
+    drawn = DemandConfig(kinds=types, kind_spread=0).draw(Demand(), np.random.default_rng(0))
+    assert drawn.kinds == types
 
 
 @pytest.mark.parametrize(

@@ -47,10 +47,10 @@ def run(folder: Path, table: str, *further: object) -> dict:
 
 
 def test_rows_without_frames_contain_the_reason_and_the_papers_figures_are_included(drives):
-    said = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
-    assert len(said["dual"]["3d"]) == 3 and said["dual"]["reason"] is None
-    assert said["dual"]["paper_3d"] == [76.9, 64.3, 61.5]
-    assert said["raydrop"]["3d"] is None and "cosim variants --variant raydrop" in said["raydrop"]["reason"]
+    message = {row["name"]: row for row in run(drives, "synthetic_to_real")["rows"]}
+    assert len(message["dual"]["3d"]) == 3 and message["dual"]["reason"] is None
+    assert message["dual"]["paper_3d"] == [76.9, 64.3, 61.5]
+    assert message["raydrop"]["3d"] is None and "cosim variants --variant raydrop" in message["raydrop"]["reason"]
     folder = drives / "out" / "tables" / "synthetic_to_real"
     assert "64.3" in (folder / "index.html").read_text() and "64.3" in (folder / "table.md").read_text()
 
@@ -68,10 +68,10 @@ def test_differences_of_similar_rows_are_not_significant_and_those_of_a_blind_ro
         row("same", 70.0, draws - 0.1 + np.tile([1.0, -1.0], 100)),
         row("blind", 0, draws * 0),
     ]
-    said = {comparison.name.split()[0]: comparison for comparison in differences(rows)}
-    assert said["same"].low < 0 < said["same"].high and said["same"].verdict == "not significant"
-    assert said["blind"].high < 0 and said["blind"].gap == pytest.approx(-70.1)
-    assert said["blind"].verdict == "significant"
+    message = {comparison.name.split()[0]: comparison for comparison in differences(rows)}
+    assert message["same"].low < 0 < message["same"].high and message["same"].verdict == "not significant"
+    assert message["blind"].high < 0 and message["blind"].gap == pytest.approx(-70.1)
+    assert message["blind"].verdict == "significant"
 
 
 @pytest.fixture(scope="module")

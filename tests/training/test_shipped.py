@@ -34,10 +34,10 @@ def test_the_detector_that_comes_along_is_small_and_holds_nothing_but_itself():
 
 
 def test_a_drive_is_looked_at_without_naming_a_detector(tiny_drive, tmp_path):
-    out, told = tmp_path / "found", tmp_path / "told.json"
-    assert main(["detect", str(tiny_drive), "--out", str(out), "--json", str(told), "--quiet"]) == 0
+    out, report = tmp_path / "found", tmp_path / "told.json"
+    assert main(["detect", str(tiny_drive), "--out", str(out), "--json", str(report), "--quiet"]) == 0
     assert sorted(file.stem for file in out.glob("*.txt")) == [f"{number:06d}" for number in range(4)]
-    assert json.loads(told.read_text())["classes"] == ["Car"]
+    assert json.loads(report.read_text())["classes"] == ["Car"]
 
 
 def test_the_height_of_a_bare_lidar_is_detected_and_its_scans_brought_to_the_height_that_was_learnt(scans):

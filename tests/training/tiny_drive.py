@@ -28,14 +28,14 @@ GROUND_M = -1.7
 def car_points(box: np.ndarray, rng: np.random.Generator, count: int = 250) -> np.ndarray:
     """Points (n, 4) on the sides and the roof of a box (7,)."""
     face = rng.integers(0, 5, count)
-    place = rng.uniform(-0.5, 0.5, (count, 3))
-    place[face == 0, 0], place[face == 1, 0] = 0.5, -0.5
-    place[face == 2, 1], place[face == 3, 1] = 0.5, -0.5
-    place[face == 4, 2] = 0.5
-    place *= box[3:6] * 0.98
+    position = rng.uniform(-0.5, 0.5, (count, 3))
+    position[face == 0, 0], position[face == 1, 0] = 0.5, -0.5
+    position[face == 2, 1], position[face == 3, 1] = 0.5, -0.5
+    position[face == 4, 2] = 0.5
+    position *= box[3:6] * 0.98
     c, s = np.cos(box[6]), np.sin(box[6])
-    x, y = c * place[:, 0] - s * place[:, 1], s * place[:, 0] + c * place[:, 1]
-    return np.column_stack([x, y, place[:, 2], np.zeros(count)]) + np.array([*box[:3], 0.3])
+    x, y = c * position[:, 0] - s * position[:, 1], s * position[:, 0] + c * position[:, 1]
+    return np.column_stack([x, y, position[:, 2], np.zeros(count)]) + np.array([*box[:3], 0.3])
 
 
 def scene(rng: np.random.Generator, cars: int = 2) -> tuple[np.ndarray, np.ndarray]:

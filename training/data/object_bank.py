@@ -58,7 +58,7 @@ class ObjectBank:
                     self._objects[kind].append(BankedObject(sample.boxes[row], sample.points[mask], kind, rise_m))
 
     def __len__(self) -> int:
-        return sum(len(some) for some in self._objects.values())
+        return sum(len(subset) for subset in self._objects.values())
 
     def fill(self, sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
         """Insert objects until the sample has the wanted number of each class.

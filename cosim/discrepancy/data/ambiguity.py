@@ -118,16 +118,16 @@ class Neighbours:
             material all differ clearly in reflectance.
         """
         material, reflectance = hits.solid.material, hits.reflectance(hits.solid)
-        alike, apart = np.zeros(len(material), bool), np.zeros(len(material), bool)
+        similar, apart = np.zeros(len(material), bool), np.zeros(len(material), bool)
         for row in self.rows:
             other = np.maximum(row, 0)
             differs = (row >= 0) & (material != material[other])
             clear = np.abs(reflectance - reflectance[other]) > self._settings.apart * np.maximum(
                 reflectance, reflectance[other]
             )
-            alike |= differs & ~clear
+            similar |= differs & ~clear
             apart |= differs & clear
-        return alike, apart & ~alike
+        return similar, apart & ~similar
 
 
 def widened(

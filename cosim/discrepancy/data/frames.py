@@ -222,13 +222,13 @@ def _on_map(
     """Map surfaces (n,) that beams hit, mask (n,) of comparable beams, and σ (n,) of ranges due to roughness [m]."""
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
-    place = _world_points(shot, observed)[0]
-    surface = surfaces.met(place, solid.instance).astype(np.int32)
+    position = _world_points(shot, observed)[0]
+    surface = surfaces.met(position, solid.instance).astype(np.int32)
     slope = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     returned = traced.origin + traced.direction * observed.along_m[:, None]
     turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
     moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
-    trusted = observed.trusted & surfaces.compared(surface, place, slope, returned, moved)
+    trusted = observed.trusted & surfaces.compared(surface, position, slope, returned, moved)
     return surface, trusted, surfaces.twin_sigma_m(surface, slope, grazing)
 
 

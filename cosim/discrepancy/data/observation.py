@@ -141,9 +141,9 @@ def _assign_beams(of: PointRays, pattern: Pattern, half_slot: float) -> tuple[np
     ring = of.ring.astype(np.int64)
     known = ring < pattern.rings
     fan = np.radians(np.array(pattern.azimuth_offset_deg, float))[np.minimum(ring, pattern.rings - 1)]
-    place = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
-    slot = np.rint(place)
-    fits = known & (np.abs(place - slot) < half_slot) & (of.return_no == 0)
+    position = (np.pi - (of.azimuth.astype(np.float64) - fan)) / step - 0.5
+    slot = np.rint(position)
+    fits = known & (np.abs(position - slot) < half_slot) & (of.return_no == 0)
     return ring * pattern.firings + slot.astype(np.int64) % pattern.firings, fits
 
 

@@ -145,9 +145,9 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
     used = np.unique(codes[codes >= 0])
     if len(used) < fewest:
         return None
-    place = np.full(int(used.max()) + 1, -1)
-    place[used] = np.arange(len(used))
-    index = np.where(codes >= 0, place[np.maximum(codes, 0)], -1)
+    position = np.full(int(used.max()) + 1, -1)
+    position[used] = np.arange(len(used))
+    index = np.where(codes >= 0, position[np.maximum(codes, 0)], -1)
     labels = tuple(names[code] if code < len(names) else str(code) for code in used.tolist())
     return SampleCovariate(name, "", codes.astype(float), index, used.astype(float), labels)
 
@@ -263,10 +263,10 @@ def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.n
         beam, pose = sample.beam[rows], frame.shot.hits.pose
         direction = frame.shot.rays.direction[beam] @ pose[:3, :3].T
         world[rows] = np.arctan2(direction[:, 1], direction[:, 0])
-        place, nearest = sample.place[rows], np.full(len(rows), np.inf)
+        position, nearest = sample.place[rows], np.full(len(rows), np.inf)
         for box, size in zip(frame.instances.poses, frame.instances.sizes, strict=True):
             if np.linalg.norm(box[:2, 3] - pose[:2, 3]) < by.object_reach_m:
-                outside = np.abs((place - box[:3, 3]) @ box[:3, :2]) - size[:2] / 2
+                outside = np.abs((position - box[:3, 3]) @ box[:3, :2]) - size[:2] / 2
                 nearest = np.minimum(nearest, np.hypot(*np.maximum(outside, 0).T))
         nearest = np.where(np.isfinite(nearest), np.minimum(nearest, by.object_far_m), np.nan)
         from_objects[rows] = np.where(sample.instance[rows] == -1, nearest, np.nan)

@@ -345,16 +345,16 @@ def _world_rays(
             for ego, pose in zip(egos, lidar_poses, strict=True)
         ]
     )
-    place = np.stack([ego.pose[:3, 3] for ego in egos])
+    position = np.stack([ego.pose[:3, 3] for ego in egos])
     turn = sensor[frame, :3, :3]
     direction = np.einsum("nij,nj->ni", turn, beams.direction)
-    arm = np.einsum("nij,nj->ni", turn, beams.origin) + (sensor[:, :3, 3] - place)[frame]
-    origin = place[frame] + arm
+    arm = np.einsum("nij,nj->ni", turn, beams.origin) + (sensor[:, :3, 3] - position)[frame]
+    origin = position[frame] + arm
     if time_s.any():
         onward = yaw_matrices(np.array([ego.yaw_rate_radps for ego in egos])[frame] * time_s)
         direction = np.einsum("nij,nj->ni", onward, direction)
         velocity = np.stack([np.asarray(ego.velocity_mps, float) for ego in egos])
-        origin = place[frame] + time_s[:, None] * velocity[frame] + np.einsum("nij,nj->ni", onward, arm)
+        origin = position[frame] + time_s[:, None] * velocity[frame] + np.einsum("nij,nj->ni", onward, arm)
     return origin, direction, time_s
 
 

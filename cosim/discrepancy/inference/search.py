@@ -184,10 +184,10 @@ def interval_widening(
     for i, j in combinations(range(len(names)), 2):
         a, b = names[i], names[j]
         near = value[a] + half[a] / 2
-        alike, unlike = (
+        similar, unlike = (
             loss(_with_values(effects, index, {a: near, b: value[b] + side * half[b] / 2})) for side in (1.0, -1.0)
         )
-        coupled = np.clip((alike - unlike) / max(fall, 1e-12), -by.most_coupled, by.most_coupled)
+        coupled = np.clip((similar - unlike) / max(fall, 1e-12), -by.most_coupled, by.most_coupled)
         coupling[i, j] = coupling[j, i] = coupled
     wider = np.sqrt(np.maximum(np.diag(np.linalg.inv(coupling)), 1.0))
     return dict(zip(names, wider.tolist(), strict=True))

@@ -82,10 +82,10 @@ def curve_chart(cell: EvidenceCell, title: str) -> str:
         y, bottom, above = (axis.convert(values) for values in (curve.y, curve.y - half, curve.y + half))
         if categories:
             x = x + (0.16 * number - 0.08) * (len(sides) > 1)
-            for place, *ends in zip(x, bottom, above, strict=True):
-                plot.line(np.full(2, place), np.array(ends), style)
-            for place, value in zip(x, y, strict=True):
-                plot.line(np.array([place]), np.array([value]), style, dots=True)
+            for position, *ends in zip(x, bottom, above, strict=True):
+                plot.line(np.full(2, position), np.array(ends), style)
+            for position, value in zip(x, y, strict=True):
+                plot.line(np.array([position]), np.array([value]), style, dots=True)
         else:
             order = np.argsort(x)
             plot.band(x[order], bottom[order], above[order], style)

@@ -128,7 +128,7 @@ def _rank(cell: EvidenceCell, settings: Settings) -> tuple[bool, float, float]:
 def _table(
     title: str, keys: Sequence[_Key], best: dict[_Key, EvidenceCell], names: dict[_Key, str], view: _View
 ) -> str:
-    order = {name: place for place, name in enumerate(SHOWN)}
+    order = {name: position for position, name in enumerate(SHOWN)}
     columns = sorted(dict.fromkeys(key[1] for key in keys), key=lambda on: [order.get(name, 99) for name in on])
     channels = [name for name in CHANNELS if any(key[0] == name for key in keys)]
     is_shared = _is_shared(keys[0])

@@ -166,7 +166,7 @@ def _of_names(chart: ResidualChart, sides: Sequence[tuple[str, Binned]], top: fl
     bins, channel = chart.bins, chart.channel
     kept = sides[-1][1].bin.tolist()
     words = [bins.words()[number] for number in kept]
-    slots = {number: place for place, number in enumerate(kept)}
+    slots = {number: position for position, number in enumerate(kept)}
     x = Axis(-0.5, len(kept) - 0.5, bins.label, names=[_brief(word, len(words)) for word in words])
     plot = Plot(x, Axis(-top, top, channel.label), f"{channel.title} by {bins.shown.words}", 460, 270)
     plot.line(np.array([x.low, x.high]), np.zeros(2), "zero")
@@ -174,11 +174,11 @@ def _of_names(chart: ResidualChart, sides: Sequence[tuple[str, Binned]], top: fl
     for (style, side), shift in zip(sides, (-aside, aside), strict=False):
         rows = [row for row, number in enumerate(side.bin.tolist()) if number in slots]
         for row in rows:
-            place, half = slots[int(side.bin[row])] + shift, float(np.nan_to_num(side.half[row]))
+            position, half = slots[int(side.bin[row])] + shift, float(np.nan_to_num(side.half[row]))
             ends = np.array([side.mean[row] - half, side.mean[row] + half])
-            plot.line(np.full(2, place), ends, style)
-            plot.line(np.array([place]), side.mean[row : row + 1], style, dots=True)
-    ends = {number: (place - 0.5, place + 0.5) for number, place in slots.items()}
+            plot.line(np.full(2, position), ends, style)
+            plot.line(np.array([position]), side.mean[row : row + 1], style, dots=True)
+    ends = {number: (position - 0.5, position + 0.5) for number, position in slots.items()}
     _targets(plot, chart, ends)
     return plot.svg()
 

@@ -141,8 +141,8 @@ def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
     plot = Plot(axis, upright, f"{upright.label} by {label}", 900, 320)
     plot.line(np.array([axis.low, axis.high]), np.zeros(2), "zero")
     if isinstance(factor.x, tuple):
-        for place, *ends in zip(x, bottom, above, strict=True):
-            plot.line(np.full(2, place), np.array(ends), "a")
+        for position, *ends in zip(x, bottom, above, strict=True):
+            plot.line(np.full(2, position), np.array(ends), "a")
         plot.line(x, middle, "none", dots=True)
         text = "Measured change by category, with two standard errors."
     else:
@@ -161,12 +161,12 @@ def _object_table(unknown: UnknownEffect) -> str:
     curve = unknown.curve
     if not curve.is_of_objects:
         return ""
-    kinds, axes = (tuple(map(str, axis)) for axis in curve.x)
+    types, axes = (tuple(map(str, axis)) for axis in curve.x)
     rows = [
         [
             kind,
             *(f"{100 * y:+.1f} ± {200 * error:.1f} cm".replace("-", "−") for y, error in zip(*row, strict=True)),
         ]
-        for kind, *row in zip(kinds, curve.y, curve.sigma, strict=True)
+        for kind, *row in zip(types, curve.y, curve.sigma, strict=True)
     ]
     return table(["class", *axes], rows)

@@ -43,7 +43,7 @@ def gather_sample(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sam
     track, names, cells = _number_tracks(
         frames, joined["frame"], joined["instance"], joined["place"], joined["azimuth"], frames[0].settings.sampling
     )
-    kinds, kind = _name_indices(frames, joined["frame"], joined["instance"], "kinds")
+    types, kind = _name_indices(frames, joined["frame"], joined["instance"], "kinds")
     models, model = _name_indices(frames, joined["frame"], joined["instance"], "models")
     object_and_scan = np.where(joined["instance"] >= 0, track * len(frames) + joined["frame"], -1)
     beside = {name: joined.pop(name) for name in BESIDE}
@@ -52,7 +52,7 @@ def gather_sample(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sam
         object_scan=_renumber(object_and_scan),
         surface=_renumber(np.where(joined["instance"] == STATIC, cell, -1)),
         kind=kind,
-        kinds=kinds,
+        kinds=types,
         model=model,
         models=models,
         neighbour_values=beside,

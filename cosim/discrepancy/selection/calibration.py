@@ -83,16 +83,16 @@ def family_wise_p(
             continue
         total = random_signs(len(used), draws, rng) @ (used / root)
         values = np.zeros((draws + 1, len(groups)))
-        for place, group in enumerate(groups):
+        for position, group in enumerate(groups):
             if number == 1 and not group.is_clustered_by_scan:
                 continue
             z = total[:, group.columns]
             if group.expected is not None:
                 z = _count_deviates(used[:, group.columns], group.expected[number], draws, rng)
             if group.one_sided:
-                values[:, place] = (np.maximum(z, 0) ** 2).sum(1)
+                values[:, position] = (np.maximum(z, 0) ** 2).sum(1)
             else:
-                values[:, place] = np.einsum("dk,kl,dl->d", z, group.inverse, z)
+                values[:, position] = np.einsum("dk,kl,dl->d", z, group.inverse, z)
         values = np.cbrt(np.maximum(values, 0))
         live = values[1:].std(0) > 1e-9
         if not live.any():

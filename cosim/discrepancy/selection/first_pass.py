@@ -92,7 +92,7 @@ def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projec
             score, information = linearisation.evidence.score[name], linearisation.evidence.information[name]
             parts.append(_figures(matrix.tocsr(), score, information, share, projector))
         track = sum(part[0] for part in parts)
-        scatter, floor = (sum(part[place] for part in parts) for place in (1, 2))
+        scatter, floor = (sum(part[position] for part in parts) for position in (1, 2))
         rows.append((*_summary((track, scatter, floor), slice(None), group.one_sided), group))  # type: ignore[arg-type]
     return rows
 

@@ -209,13 +209,13 @@ def _with_effect(model: FittedModel, group: Group, coefficients: np.ndarray) -> 
     names = [effect.name for effect in effects]
     if index is None and tangent.effect.name in names:
         index = names.index(tangent.effect.name)
-    place = len(effects) if index is None else index
+    position = len(effects) if index is None else index
     weak = tangent.effect
     if not tangent.amplitude:
-        return (*effects[:place], weak, *effects[place + 1 :]), place
+        return (*effects[:position], weak, *effects[position + 1 :]), position
     off = np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step
     size = coefficients * tangent.step if group.direct is not None else coefficients
     size = size if off.ndim else float(size[0])
     trials = [with_values(weak, {tangent.amplitude: off + strength * size}) for strength in _STRENGTHS]
-    models = [(*effects[:place], trial, *effects[place + 1 :]) for trial in trials]
-    return min(models, key=lambda effects: fitter.start_loss(effects, fitted)), place
+    models = [(*effects[:position], trial, *effects[position + 1 :]) for trial in trials]
+    return min(models, key=lambda effects: fitter.start_loss(effects, fitted)), position

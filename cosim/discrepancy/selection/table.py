@@ -204,15 +204,15 @@ def _project(
     found, entries, end = projector.project(joined(groups, len(linearisation.sample))), [], 0
     seen = linearisation.fitted.prediction.seen
     for group in groups:
-        mine = slice(end, end + group.size)
+        own = slice(end, end + group.size)
         end += group.size
-        information, left = found.information[mine, mine], found.left[mine]
+        information, left = found.information[own, own], found.left[own]
         if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
             continue
-        tables = found.tables[TRACK][:, mine], found.tables[PART][:, mine]
-        cluster_information = found.cluster_information[TRACK][:, mine], found.cluster_information[PART][:, mine]
+        tables = found.tables[TRACK][:, own], found.tables[PART][:, own]
+        cluster_information = found.cluster_information[TRACK][:, own], found.cluster_information[PART][:, own]
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
-        variance = np.maximum(scatter, found.floor[mine])
+        variance = np.maximum(scatter, found.floor[own])
         probability, event = np.full(group.size, 0.5), np.ones(group.size)
         unit = linearisation.sample.settings.likelihood.reference_share if group.is_count else 1.0
         diagonal = np.diag(information)
@@ -227,7 +227,7 @@ def _project(
         if group.is_count:
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
-        distribution = "random" if found.is_of_random[mine].all() else _distribution_of(group)
+        distribution = "random" if found.is_of_random[own].all() else _distribution_of(group)
         cell = Cell(distribution, information, probability, group.one_sided, 1.0)
         entries.append(
             Entry(group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit)

@@ -70,8 +70,8 @@ class UnknownEffect:
         if curve.is_shared:
             return cls(curve, ())
         if curve.is_of_objects:
-            kinds, axes = (tuple(map(str, axis)) for axis in curve.x)
-            return cls(curve, (), objects=object_table(kinds, axes, np.where(curve.is_known, curve.y, np.nan)))
+            types, axes = (tuple(map(str, axis)) for axis in curve.x)
+            return cls(curve, (), objects=object_table(types, axes, np.where(curve.is_known, curve.y, np.nan)))
         if curve.frequency_hz:
             return cls(curve, (wave_of(curve.frequency_hz, curve.start_s, curve.y),))
         if len(curve.covariates) == 1:

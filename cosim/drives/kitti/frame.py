@@ -194,8 +194,8 @@ class Frame:
         twin = (self.base or self.root) / "twin"
         named = self.twin.static if self.has("twin/frames") else None
         wanted = [twin / named] if named else [twin / "static.glb", twin / "static"]
-        for place in wanted:
-            files = [place] if place.is_file() else sorted(place.glob("*.glb"))
+        for position in wanted:
+            files = [position] if position.is_file() else sorted(position.glob("*.glb"))
             if files:
                 return tuple(files)
         raise DriveError(

@@ -145,8 +145,8 @@ class Labels:
         """These objects and then others; scores stay only where both have them."""
         columns = {}
         for name in (field.name for field in fields(self)[1:]):
-            mine, theirs = getattr(self, name), getattr(others, name)
-            columns[name] = None if mine is None or theirs is None else np.concatenate([mine, theirs])
+            own, theirs = getattr(self, name), getattr(others, name)
+            columns[name] = None if own is None or theirs is None else np.concatenate([own, theirs])
         return Labels(type=(*self.type, *others.type), **columns)
 
     def of_type(self, *types: str) -> Labels:

@@ -74,10 +74,10 @@ def lidar_folder(path: Path, name: str | None) -> Path:
 
 def _base_of(root: Path) -> tuple[Path, str]:
     """Where a LiDAR's drive keeps what its LiDARs share, and the LiDAR's name; the root itself for a first one."""
-    place = root.absolute()
-    base = place.parent.parent
-    if place.parent.name == LIDARS and (base / "velodyne").is_dir():
-        return root.parent.parent if len(root.parts) > 2 else base, place.name
+    position = root.absolute()
+    base = position.parent.parent
+    if position.parent.name == LIDARS and (base / "velodyne").is_dir():
+        return root.parent.parent if len(root.parts) > 2 else base, position.name
     return root, ""
 
 

@@ -102,8 +102,8 @@ class SurfelMap:
         slot = np.clip(np.searchsorted(edges, square, side="right") - 1, 0, 7)
         used = [slot == k for k in range(8) if np.count_nonzero(slot == k) >= 5]
         if len(used) > 2:
-            lower = [float(np.quantile(variance[mine], 0.25)) for mine in used]
-            noise = max(float(np.polyfit([float(np.mean(square[mine])) for mine in used], lower, 1)[0]), 0.0)
+            lower = [float(np.quantile(variance[own], 0.25)) for own in used]
+            noise = max(float(np.polyfit([float(np.mean(square[own])) for own in used], lower, 1)[0]), 0.0)
         return np.sqrt(np.maximum(variance - noise * square, least**2 * variance))
 
     def _row_in_cell(self, position: np.ndarray, off_m: float) -> np.ndarray:

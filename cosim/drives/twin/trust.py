@@ -142,9 +142,9 @@ class Trust:
         return away, bright
 
     def _cells(self, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        place = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m
-        inside = np.all((place >= 0) & (place < self.ground.shape), axis=1)  # false for NaN
-        return np.where(inside, place.T, 0).astype(int), np.asarray(inside)
+        position = (np.asarray(xy, np.float64) - self.corner_m) / self.cell_m
+        inside = np.all((position >= 0) & (position < self.ground.shape), axis=1)  # false for NaN
+        return np.where(inside, position.T, 0).astype(int), np.asarray(inside)
 
 
 def in_box(xyz: np.ndarray, instance: Instance, margin_m: float) -> np.ndarray:

@@ -123,16 +123,18 @@ def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
     if not any(one.findings or one.unknowns for one in rounds):
         return "no effect is missing from your file"
     if change is None:
-        said = "too few untouched scans can be compared (three are needed): record thirty scans or more"
+        message = "too few untouched scans can be compared (three are needed): record thirty scans or more"
     elif change.low > 0:
-        said = f"the error of {change.scans} untouched scans rises by {_interval(change.mean, change.low, change.high)}"
+        message = (
+            f"the error of {change.scans} untouched scans rises by {_interval(change.mean, change.low, change.high)}"
+        )
     else:
-        said = (
+        message = (
             f"the error of {change.scans} untouched scans changes by "
             f"{_interval(change.mean, change.low, change.high)}, which includes no change"
         )
     limits = rounds[-1].limits
-    return f"{said}; the drive {', '.join(limits)}" if limits else said
+    return f"{message}; the drive {', '.join(limits)}" if limits else message
 
 
 def path_limits(path: Trajectory) -> list[str]:

@@ -65,19 +65,19 @@ def undetermined(
         smallest: smallest detectable amplitudes; None where they exceed the allowed range.
         result: by effect `params` and `ci95` of what was found.
     """
-    kinds, rows = effect_classes(), dict[tuple[str, str], float | None]()
+    types, rows = effect_classes(), dict[tuple[str, str], float | None]()
     for name, values in smallest.items():
-        kind = kinds.get(name)
+        kind = types.get(name)
         for parameter, value in values.items():
             if kind is None or name in result or np.ndim(kind.example[parameter]):
                 continue
             usual = abs(kind.example[parameter] - (kind.neutral or {}).get(parameter, 0.0))
             if value is None or value > usual:
                 rows[name, parameter] = value
-    for name, told in result.items():
-        kind = kinds.get(name)
-        for parameter, interval in told["ci95"].items():
-            value = told["params"].get(parameter)
+    for name, report in result.items():
+        kind = types.get(name)
+        for parameter, interval in report["ci95"].items():
+            value = report["params"].get(parameter)
             if kind is None or np.ndim(value) or np.ndim(interval) != 1:
                 continue
             half = (interval[1] - interval[0]) / 2

@@ -23,18 +23,18 @@ def headline(drives: Drives) -> str:
     names = list(dict.fromkeys(f"{one.effect} {one.parameter}" for one in differing))
     count = len(drives.names)
     if not drives.differences:
-        said = f"{count} drives share no parameter that could be compared."
+        message = f"{count} drives share no parameter that could be compared."
     elif differing:
         shown = ", ".join(names[:4]) + (" and others" if len(names) > 4 else "")
-        said = f"{len(differing)} of {len(drives.differences)} numbers differ significantly between drives: {shown}."
+        message = f"{len(differing)} of {len(drives.differences)} numbers differ significantly between drives: {shown}."
     else:
-        said = f"None of {len(drives.differences)} numbers differs significantly between {count} drives."
+        message = f"None of {len(drives.differences)} numbers differs significantly between {count} drives."
     if drives.is_recommended:
-        return f"{said} All drives confirm the combined file on untouched scans: it is recommended."
+        return f"{message} All drives confirm the combined file on untouched scans: it is recommended."
     kept = [
         name for name, one in zip(drives.names, drives.calibrations, strict=True) if not one.acceptance.is_recommended
     ]
-    return f"{said} Keep your file: untouched scans of {', '.join(kept)} do not confirm it."
+    return f"{message} Keep your file: untouched scans of {', '.join(kept)} do not confirm it."
 
 
 def format_comparison(drives: Drives) -> str:
@@ -121,10 +121,10 @@ def _chart(drives: Drives, one: Combined) -> str:
         Axis(float(ends.min()) - pad, float(ends.max()) + pad, f"{one.parameter} [{unit}]" if unit else one.parameter),
         one.effect,
     )
-    for place, (value, low, high) in enumerate(zip(one.values, one.low, one.high, strict=True), 1):
+    for position, (value, low, high) in enumerate(zip(one.values, one.low, one.high, strict=True), 1):
         if value is not None:
-            plot.line(np.array([place, place], float), np.array([low, high], float), "a")
-            plot.line(np.array([place], float), np.array([value], float), "a", dots=True)
+            plot.line(np.array([position, position], float), np.array([low, high], float), "a")
+            plot.line(np.array([position], float), np.array([value], float), "a", dots=True)
     both = np.array([0.5, len(drives.names) + 0.5])
     plot.line(both, np.full(2, one.mean), "b")
     text = "each drive with its 95 % interval (yellow), mean of all (blue)"

@@ -131,8 +131,8 @@ def calibrate_drives(
 
 
 def _plain(drives: Drives) -> dict[str, Any]:
-    told = drives.as_json()
-    return {name: told[name] for name in ("recommended", "combined", "differences", "directions")}
+    report = drives.as_json()
+    return {name: report[name] for name in ("recommended", "combined", "differences", "directions")}
 
 
 def _shown(one: SensorCalibration) -> Pattern:
@@ -147,8 +147,8 @@ def _cones(one: SensorCalibration) -> dict[tuple[str, str], tuple[Any, Any]]:
     file = one.folder / Path(one.start).parent / LASERS
     if not file.is_file():
         return {}
-    told = json.loads(file.read_text(encoding="utf-8"))
-    value, sd = np.array(told["elevation_deg"]), np.maximum(np.array(told["elevation_sd_deg"]), 1e-4)
+    report = json.loads(file.read_text(encoding="utf-8"))
+    value, sd = np.array(report["elevation_deg"]), np.maximum(np.array(report["elevation_sd_deg"]), 1e-4)
     return {(_CONE, "elevation_deg"): (value.tolist(), np.stack([value - 1.96 * sd, value + 1.96 * sd], 1).tolist())}
 
 

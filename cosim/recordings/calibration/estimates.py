@@ -82,9 +82,9 @@ def latest_estimates(rounds: Sequence[Round]) -> dict[tuple[str, str], tuple[Any
     found: dict[tuple[str, str], tuple[Any, Any]] = {}
     for each in rounds:
         fitted = [(one["effect"], one) for one in each.findings] + list(each.refitted.items())
-        for name, told in fitted:
-            for parameter, interval in told["ci95"].items():
-                value = told["params"].get(parameter)
+        for name, report in fitted:
+            for parameter, interval in report["ci95"].items():
+                value = report["params"].get(parameter)
                 if value is not None and interval is not None:
                     found[name, parameter] = (value, interval)
     return found

@@ -65,6 +65,6 @@ def _fitted(
     """The effects of a sensor, some of them fitted to some frames."""
     context = context_of(opened(twin), sensor, settings=settings, refitted=free)
     effects = context.initial_effects
-    places = [place for place, effect in enumerate(effects) if effect.name in free]
+    places = [position for position, effect in enumerate(effects) if effect.name in free]
     rows = settings.rows // 2
     return trace_and_fit(context, frames, effects, places, sample_size=rows).fitted.effects

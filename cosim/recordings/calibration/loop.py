@@ -139,15 +139,15 @@ def calibrate(
         (own / LASERS).write_text(lasers + "\n", encoding="utf-8")
     rounds: list[Round] = []
     for number in range(1, most_rounds + 1):
-        place = own / f"round_{number}"
-        done = read_round(place)
+        path = own / f"round_{number}"
+        done = read_round(path)
         if done is None:
             on_step(f"round {number}")
             before = folder / rounds[-1].sensor_out if rounds else start
             known = [finding["effect"] for one in rounds for finding in one.findings]
             along = [*(GUESSED if given is None else ()), *(one for one in known if moves_points(one))]
             last = number == most_rounds
-            done = _round(prepared(), folder, place, before, along, number, last, settings, engine, on_step)
+            done = _round(prepared(), folder, path, before, along, number, last, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -202,13 +202,13 @@ def _round(
         advice=_advice(prepared, twin, found) if is_last else [],
         cpu_s=round(time.process_time() - begun_s, 1),
     )
-    told = round_of(
+    report = round_of(
         number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
     )
-    told.write(round_folder)
+    report.write(round_folder)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", round_folder / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
-    return told
+    return report
 
 
 def _directions(
@@ -224,10 +224,10 @@ def _directions(
 
 def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """What to record next."""
-    told = diagnosis.to_json()
-    fitted = {one["effect"]: one for one in told["effects"]} | dict(diagnosis.refitted)
+    report = diagnosis.to_json()
+    fitted = {one["effect"]: one for one in report["effects"]} | dict(diagnosis.refitted)
     systematic = {name: one for name, one in fitted.items() if not issubclass(effect_classes()[name], NoiseEffect)}
-    rows = undetermined(told["smallest_detectable"], systematic)
+    rows = undetermined(report["smallest_detectable"], systematic)
     height_m = twin.as_json()["mount"]["height_m"]
     advice = advise(rows, prepared.path.poses, height_m, prepared.pattern, diagnosis.sensor.effects)
     return [one.as_json() for one in advice]
@@ -264,7 +264,7 @@ def _write_result(calibration: SensorCalibration) -> None:
     """Keep what exports need."""
     chosen = calibration.rounds[(calibration.acceptance.round or len(calibration.rounds)) - 1]
     poses = (calibration.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
-    told = {
+    report = {
         "recording": str(calibration.recording.resolve()),
         "sensor_file": _said(calibration.sensor_out, calibration.folder),
         "recommended": calibration.acceptance.is_recommended,
@@ -272,7 +272,7 @@ def _write_result(calibration: SensorCalibration) -> None:
         "sweep_scale": chosen.sweep_scale,
     }
     with explained(calibration.folder):
-        (calibration.folder / RESULT).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        (calibration.folder / RESULT).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 
 def _said(file: Path, folder: Path) -> str:
@@ -288,16 +288,16 @@ def _claimed(folder: Path, recording: Recording) -> None:
     if folder.resolve() == recording.path.resolve():
         raise OutputError(f"{folder} is the recording itself; choose another --out")
     names = hashlib.sha256("\n".join(recording.names).encode()).hexdigest()[:16]
-    mine = {"recording": str(recording.path.resolve()), "scans": len(recording), "names": names}
+    own = {"recording": str(recording.path.resolve()), "scans": len(recording), "names": names}
     file = folder / _HEAD
     if file.is_file():
         try:
             theirs = json.loads(read_text(file))
         except ValueError as error:
             raise OutputError(f"{file}: {error}; choose another --out") from None
-        if theirs != mine:
+        if theirs != own:
             raise OutputError(f"{folder} holds a calibration on {theirs.get('recording')}; choose another --out")
         return
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(mine, indent=2) + "\n", encoding="utf-8")
+        file.write_text(json.dumps(own, indent=2) + "\n", encoding="utf-8")

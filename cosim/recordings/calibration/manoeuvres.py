@@ -155,8 +155,8 @@ def standard_errors(
 
 def _rivals(name: str, forms: Sequence[Form]) -> list[int]:
     """Rows of the parameters of the effects that an effect can be mistaken for."""
-    kinds = effect_classes()
-    return [row for row, form in enumerate(forms) if form[2] != name and confusable(kinds[name], kinds[form[2]])]
+    types = effect_classes()
+    return [row for row, form in enumerate(forms) if form[2] != name and confusable(types[name], types[form[2]])]
 
 
 def same_path(poses: np.ndarray, height_m: float) -> Manoeuvre:
@@ -170,11 +170,11 @@ def same_path(poses: np.ndarray, height_m: float) -> Manoeuvre:
 
 def _forms(effects: Sequence[Effect], pattern: Pattern, names: Collection[str]) -> list[Form]:
     """The model with each of some effects, or of those that they can be mistaken for, a little stronger."""
-    found, kinds = [], effect_classes()
+    found, types = [], effect_classes()
     for kind in candidate_effects(rings=pattern.rings):
-        if kind.by_search or kind.neutral is None or kind.name not in kinds:
+        if kind.by_search or kind.neutral is None or kind.name not in types:
             continue
-        if kind.name not in names and not any(confusable(kinds[kind.name], kinds[name]) for name in names):
+        if kind.name not in names and not any(confusable(types[kind.name], types[name]) for name in names):
             continue
         for weak, amplitude, step in weak_forms(kind):
             if not amplitude or np.ndim(getattr(weak, amplitude)):

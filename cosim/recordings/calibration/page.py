@@ -22,23 +22,23 @@ def headline(calibration: SensorCalibration) -> str:
     accepted = calibration.acceptance
     if accepted.is_recommended:
         names = ", ".join(dict.fromkeys(one.effect for one in accepted.transfers if one.is_accepted)) or "noise"
-        said = f"Recommended: the calibrated file ({names}), because {accepted.reason}."
+        message = f"Recommended: the calibrated file ({names}), because {accepted.reason}."
     else:
-        said = f"Keep your file, because {accepted.reason}."
+        message = f"Keep your file, because {accepted.reason}."
     rejected = [one.effect for one in accepted.transfers if not one.is_accepted]
     if rejected:
-        said += f" Found, but not shown by untouched scans: {', '.join(dict.fromkeys(rejected))}."
+        message += f" Found, but not shown by untouched scans: {', '.join(dict.fromkeys(rejected))}."
     last, first = calibration.rounds[-1], calibration.rounds[0]
     if last.unexplained:
-        said += f" {len(last.unexplained)} dependences stay unexplained."
-    said += (
+        message += f" {len(last.unexplained)} dependences stay unexplained."
+    message += (
         f" Ground of the map {1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick, "
         f"walls {1000 * first.thickness_walls_m:.1f} → {1000 * last.thickness_walls_m:.1f} mm."
     )
     if not calibration.settled:
         rounds = "1 round" if len(calibration.rounds) == 1 else f"{len(calibration.rounds)} rounds"
-        said += f" After {rounds} it still changed: run on with more --rounds."
-    return said
+        message += f" After {rounds} it still changed: run on with more --rounds."
+    return message
 
 
 def format_page(calibration: SensorCalibration) -> str:
@@ -129,14 +129,14 @@ def _report(calibration: SensorCalibration) -> str:
             ]
         )
     if last.directions is not None:
-        told = last.directions
+        report = last.directions
         rows.append(
             [
                 "ray direction, half against half [°]",
                 "",
-                f"{told['mean_deg']:.4f}",
-                f"mean over {told['lasers']} lasers; largest {told['max_deg']:.4f}°; elevations of the cones only "
-                f"{told['by_elevation_deg']:.4f}°",
+                f"{report['mean_deg']:.4f}",
+                f"mean over {report['lasers']} lasers; largest {report['max_deg']:.4f}°; elevations of the cones only "
+                f"{report['by_elevation_deg']:.4f}°",
             ]
         )
     parts = [table(["quantity", "before", "after", "evidence"], rows, words=(0, 3))]
@@ -228,15 +228,15 @@ def _numbers(calibration: SensorCalibration) -> np.ndarray:
 def _links(calibration: SensorCalibration) -> str:
     rows = []
     for one in calibration.rounds:
-        place = one.sensor_out.rpartition("/")[0]
-        said = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
-        added = ", ".join(said) or "no further effect"
+        position = one.sensor_out.rpartition("/")[0]
+        message = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
+        added = ", ".join(message) or "no further effect"
         rows.append(
             [
                 f"{one.number}",
                 added,
-                fill('<a href="{}/map/index.html">map</a>', place),
-                fill('<a href="{}/diagnosis/index.html">diagnosis</a>', place),
+                fill('<a href="{}/map/index.html">map</a>', position),
+                fill('<a href="{}/diagnosis/index.html">diagnosis</a>', position),
                 fill('<a href="{}">sensor file</a>', one.sensor_out),
             ]
         )
@@ -268,21 +268,21 @@ def _findings(calibration: SensorCalibration) -> str:
 
 def said_params(effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
     """Parameters with units and intervals; of lists the extremes; what exceeds its allowed range is not determined."""
-    words, said = Vocabulary(), []
+    words, message = Vocabulary(), []
     for name, value in params.items():
         interval, unit = ci95.get(name), words.parameter(effect, name).unit
         unit = f" {unit}" if unit else ""
         if isinstance(value, list | tuple):
             numbers = [number for number in value if number is not None]
             spread = f"{min(numbers):.3g} to {max(numbers):.3g}{unit}" if numbers else UNDETERMINED
-            said.append(f"{name} of {len(value)} lasers {spread}")
+            message.append(f"{name} of {len(value)} lasers {spread}")
         elif value is None or not words.is_determined(effect, name, interval):
-            said.append(f"{name} {UNDETERMINED}")
+            message.append(f"{name} {UNDETERMINED}")
         elif isinstance(value, float) and interval:
-            said.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g}){unit}")
+            message.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g}){unit}")
         else:
-            said.append(f"{name} {value:.4g}{unit}" if isinstance(value, float) else f"{name} {value}")
-    return "; ".join(said)
+            message.append(f"{name} {value:.4g}{unit}" if isinstance(value, float) else f"{name} {value}")
+    return "; ".join(message)
 
 
 def _unexplained(last: Round) -> str:
@@ -330,11 +330,11 @@ def _few(names: Sequence[str]) -> str:
 def _undetermined(last: Round) -> str:
     words, rows = Vocabulary(), []
     for effect, values in sorted(last.not_told.items()):
-        told = [
+        report = [
             f"{name}: more than its allowed range" if value is None else f"{name} {words.quantity(effect, name, value)}"
             for name, value in values.items()
         ]
-        rows.append([effect, ", ".join(told)])
+        rows.append([effect, ", ".join(report)])
     if not rows:
         return ""
     text = "The smallest amplitude of each that this recording would have shown, in four of five such drives."

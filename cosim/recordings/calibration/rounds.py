@@ -132,23 +132,23 @@ def round_of(
         made: `RecordingTwin.as_json` of its map.
         judgement: of its findings.
     """
-    told = diagnosis.to_json()
+    report = diagnosis.to_json()
     return Round(
         number=number,
         sensor=sensor,
         sensor_out=sensor_out,
         effects=[{"effect": one.name, **one.model_dump(mode="json")} for one in before],
-        findings=[{**one, "ci95": widened(one["effect"], one, before)} for one in told["effects"]],
+        findings=[{**one, "ci95": widened(one["effect"], one, before)} for one in report["effects"]],
         refitted={name: {**one, "ci95": widened(name, one, before)} for name, one in diagnosis.refitted.items()},
-        unknowns=told["unknowns"],
-        unexplained=told["unexplained"],
-        not_told=told["smallest_detectable"],
-        error=told["error_before"],
+        unknowns=report["unknowns"],
+        unexplained=report["unexplained"],
+        not_told=report["smallest_detectable"],
+        error=report["error_before"],
         error_aligned=diagnosis.budget.given_aligned,
         noise_floor=diagnosis.noise_floor,
-        error_after=told["error_after"],
+        error_after=report["error_after"],
         aligned_after=diagnosis.budget.error_aligned,
-        budget=told["budget"],
+        budget=report["budget"],
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],

@@ -150,11 +150,11 @@ def _stepped(
     weight, pulled, by_sweep = np.full(size, 1e-6), np.zeros(size), np.zeros(size)
     shared, squared, points, cells = [], 0.0, 0, 0
     for turn, number in enumerate(numbers):
-        xyz, mine = scans[number].at_pose_time(motion[number]), slice(6 * turn, 6 * turn + 6)
+        xyz, own_rows = scans[number].at_pose_time(motion[number]), slice(6 * turn, 6 * turn + 6)
         met = _matched(xyz, poses[number], surfels, cell_m)
         weighted = met.slope * met.weight[:, None]
         own[turn] = weighted.T @ met.slope + np.diag(_PRIOR)
-        right[mine] = -weighted.T @ met.off
+        right[own_rows] = -weighted.T @ met.off
         squared += float(met.weight @ met.off**2)
         points, cells = points + len(met.row), cells + len(np.unique(met.row))
         weight += np.bincount(met.row, met.weight, size)
@@ -163,7 +163,7 @@ def _stepped(
         if further[number].any():
             moved = scans[number].at_pose_time(motion[number] + further[number])[met.point] - xyz[met.point]
             along = np.einsum("ij,ij->i", moved @ poses[number, :3, :3].T, met.slope[:, 3:])
-            beside[mine] = weighted.T @ along
+            beside[own_rows] = weighted.T @ along
             alone += float(met.weight @ along**2)
             right[-1] -= float((met.weight * along) @ met.off)
             by_sweep += np.bincount(met.row, met.weight * along, size)

@@ -24,12 +24,12 @@ def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple
     surface is seen from one position), segments whose path jumps (surfaces are duplicated), and scans with uncertain
     poses.
     """
-    asked = made.mapped
+    requested = made.mapped
     for bad in (_standing(prepared), _jumping(prepared)):
-        asked = asked & ~bad if (asked & ~bad).any() else asked
-    numbers = np.flatnonzero(asked).tolist()
+        requested = requested & ~bad if (requested & ~bad).any() else requested
+    numbers = np.flatnonzero(requested).tolist()
     doubtful = {*_slipping(prepared, made), *_lost(made)}
-    sure = [one for one in made.fitted if one not in doubtful and asked[made.segment_of[one]]]
+    sure = [one for one in made.fitted if one not in doubtful and requested[made.segment_of[one]]]
     left_out = doubtful if len(sure) >= _FEWEST_SURE else set()
 
     def by_segment(scans: Sequence[int]) -> list[list[str]]:
@@ -123,10 +123,10 @@ def _segment_notes(prepared: Prepared, made: WholeMap, looked: int) -> list[str]
         (blank, "no map, as no surface is visible in three scans"), (still, "the sensor does not move"),
         (torn, "the path jumps, so that surfaces lie in two places"),
     )  # fmt: skip
-    for some, why in reasons:
-        if some and len(some) < len(made.segments):
-            shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in some[:_SHOWN])
-            notes.append(f"left out of a diagnosis: {len(some)} segments (scans {shown}): {why}")
+    for subset, why in reasons:
+        if subset and len(subset) < len(made.segments):
+            shown = ", ".join(f"{one.begin}–{one.end - 1}" for one in subset[:_SHOWN])
+            notes.append(f"left out of a diagnosis: {len(subset)} segments (scans {shown}): {why}")
     return notes
 
 
@@ -137,5 +137,5 @@ def _counted(numbers: Sequence[int]) -> str:
 def _named(recording: Recording, numbers: Sequence[int]) -> str:
     """Names of some scans, runs of them by their ends."""
     runs = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) > 1) + 1)
-    said = [recording.names[run[0]] + (f" to {recording.names[run[-1]]}" if len(run) > 1 else "") for run in runs]
-    return ", ".join(said[:_SHOWN]) + (" …" if len(said) > _SHOWN else "")
+    message = [recording.names[run[0]] + (f" to {recording.names[run[-1]]}" if len(run) > 1 else "") for run in runs]
+    return ", ".join(message[:_SHOWN]) + (" …" if len(message) > _SHOWN else "")

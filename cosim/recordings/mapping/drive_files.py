@@ -80,8 +80,8 @@ class DriveFiles:
             "twin/poses.npz": npz_bytes(poses),
             "twin/materials.yaml": format_materials(MATERIALS, reflectance).encode(),
             **{
-                f"ImageSets/{name}.txt": "".join(f"{frame}\n" for frame in some if frame in there).encode()
-                for name, some in lists.items()
+                f"ImageSets/{name}.txt": "".join(f"{frame}\n" for frame in subset if frame in there).encode()
+                for name, subset in lists.items()
             },
         }
         counts = {key: value for key, value in facts.items() if key not in ("out", "notes", "held_out")}

@@ -89,16 +89,16 @@ class SweepEstimate:
     def evidence(self) -> str:
         """A sentence."""
         as_is, undone, put_back = self.cones
-        said = (
+        message = (
             f"fitted along with poses and surfaces, the motion in the points is {self.strength:.2f} "
             f"({self.low:.2f} to {self.high:.2f}) of that of the sensor (1: as measured, 0: compensated)"
         )
         if max(abs(as_is - undone), abs(as_is - put_back)) > 0.01:
-            said += (
+            message += (
                 f"; {as_is:.0%} of the near points lie on their laser's cone as they are, {undone:.0%} with the motion "
                 f"undone and {put_back:.0%} with it put back"
             )
-        return said
+        return message
 
 
 def sweep_motion(

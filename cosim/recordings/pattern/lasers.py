@@ -137,9 +137,9 @@ def ring_lasers(flat_range_m: np.ndarray, height_m: np.ndarray, scan: np.ndarray
         return _none()
     lines = []
     for number in numbers:
-        mine = ring == number
-        start = np.array([np.median(np.arctan2(z[mine], rho[mine])), 0.0])
-        lines.append(_robust_line(rho[mine], z[mine], start))
+        own = ring == number
+        start = np.array([np.median(np.arctan2(z[own], rho[own])), 0.0])
+        lines.append(_robust_line(rho[own], z[own], start))
     table = np.array(lines)
     order = np.argsort(-table[:, 0])
     row_of = np.full(int(ring.max()) + 1, -1)
@@ -172,9 +172,9 @@ def fit_lasers(
     for _ in range(rounds):
         which, off = nearest_laser(rho, z, lines)
         for row in range(len(lines)):
-            mine = np.flatnonzero((which == row) & (np.abs(off) < np.radians(half_deg)))
-            if len(mine) >= _LEAST_POINTS:
-                lines[row] = _robust_line(rho[mine], z[mine], lines[row])
+            own = np.flatnonzero((which == row) & (np.abs(off) < np.radians(half_deg)))
+            if len(own) >= _LEAST_POINTS:
+                lines[row] = _robust_line(rho[own], z[own], lines[row])
     which, off = nearest_laser(rho, z, lines)
     return _described(lines, which, off, scan, half_deg)
 
@@ -226,17 +226,17 @@ def _peel(
         guess = np.array([elevation, centres[row]])
         strip = np.flatnonzero(np.abs(np.arctan2(z - guess[1], rho) - elevation) < np.radians(half_deg))
         line = _robust_line(rho[strip], z[strip], guess) if len(strip) >= _LEAST_POINTS else guess
-        mine = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(half_deg)
-        mine[strip] |= np.abs(np.arctan2(z[strip] - guess[1], rho[strip]) - elevation) < np.radians(2 * _CELL_DEG)
-        if _is_new(line, lines, float(np.median(rho[mine])) if blurred and mine.any() else _AT_M) and _stands_out(
+        own = np.abs(np.arctan2(z - line[1], rho) - line[0]) < np.radians(half_deg)
+        own[strip] |= np.abs(np.arctan2(z[strip] - guess[1], rho[strip]) - elevation) < np.radians(2 * _CELL_DEG)
+        if _is_new(line, lines, float(np.median(rho[own])) if blurred and own.any() else _AT_M) and _stands_out(
             votes[row], int(cell) + 1, peak
         ):
             lines.append(line)
-            counts.append(int(mine.sum()))
+            counts.append(int(own.sum()))
         else:
             refused += 1
-        votes -= _votes(rho[mine], z[mine], centres)
-        rho, z = rho[~mine], z[~mine]
+        votes -= _votes(rho[own], z[own], centres)
+        rho, z = rho[~own], z[~own]
     return np.array(lines[given:]).reshape(-1, 2)
 
 
@@ -304,13 +304,13 @@ def _described(
     on = np.abs(off) < np.radians(half_deg)
     misfit, error = np.zeros(count), np.zeros(count)
     for row in range(count):
-        mine = np.flatnonzero(on & (which == row))
-        if not len(mine):
+        own = np.flatnonzero(on & (which == row))
+        if not len(own):
             continue
-        misfit[row] = 1.4826 * np.degrees(np.median(np.abs(off[mine])))
-        scans = scan[mine]
+        misfit[row] = 1.4826 * np.degrees(np.median(np.abs(off[own])))
+        scans = scan[own]
         per = np.bincount(scans)
-        means = np.bincount(scans, off[mine])[per > 0] / per[per > 0]
+        means = np.bincount(scans, off[own])[per > 0] / per[per > 0]
         sd = float(np.std(means, ddof=1)) / np.sqrt(len(means)) if len(means) > 2 else np.radians(misfit[row])
         error[row] = np.degrees(sd)
     return Lasers(

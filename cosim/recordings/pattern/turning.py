@@ -100,11 +100,11 @@ def _spectrum(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, r
     total = np.zeros(_MOST + 1)
     lines = np.zeros((lasers, _MOST + 1), complex)
     for laser in range(lasers):
-        mine = cell[row == laser]
-        if len(mine):
-            turned = np.fft.rfft(np.bincount(mine, minlength=_BINS))[: _MOST + 1].conj() / len(mine)
+        own = cell[row == laser]
+        if len(own):
+            turned = np.fft.rfft(np.bincount(own, minlength=_BINS))[: _MOST + 1].conj() / len(own)
             lines[laser] = turned
-            total += len(mine) * np.abs(turned)
+            total += len(own) * np.abs(turned)
     total /= max(len(cell[row >= 0]), 1)
     low, high = max(_FEWEST, round(0.8 * rate)), min(_MOST, round(1.25 * rate) + 1)
     if high <= low or total[low:high].max() < _CLEAR:
@@ -170,9 +170,9 @@ def _relative(azimuth: np.ndarray, row: np.ndarray, lasers: int) -> np.ndarray:
     """Circular mean of each laser's values against that of all [deg], (k,); NaN without points."""
     everyone = np.angle(np.exp(1j * azimuth[row >= 0]).mean()) if (row >= 0).any() else 0.0
     good = row >= 0
-    turned, mine = azimuth[good] - everyone, row[good]
-    count = np.bincount(mine, minlength=lasers)
-    total = np.arctan2(np.bincount(mine, np.sin(turned), lasers), np.bincount(mine, np.cos(turned), lasers))
+    turned, own = azimuth[good] - everyone, row[good]
+    count = np.bincount(own, minlength=lasers)
+    total = np.arctan2(np.bincount(own, np.sin(turned), lasers), np.bincount(own, np.cos(turned), lasers))
     return np.where(count > 20, np.degrees(total), np.nan)
 
 
@@ -193,10 +193,10 @@ def _side_by_side(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: in
     step = np.concatenate(apart)
     order = np.lexsort((step, pair))
     pair, step = pair[order], step[order]
-    kinds, start, count = np.unique(pair, return_index=True, return_counts=True)
+    types, start, count = np.unique(pair, return_index=True, return_counts=True)
     middle = step[start + count // 2]
     often = count > 10
-    a, b = kinds[often] // lasers, kinds[often] % lasers
+    a, b = types[often] // lasers, types[often] % lasers
     tree = minimum_spanning_tree(coo_array((1.0 / count[often], (a, b)), shape=(lasers, lasers)))
     known = dict(zip(zip(a.tolist(), b.tolist(), strict=True), middle[often].tolist(), strict=True))
     fan = np.zeros(lasers)
@@ -232,8 +232,8 @@ def _of_ring_ends(
     seam = np.pi if np.median(np.cos(first[np.isfinite(first)])) < 0 else 0.0
     most = np.fmin.reduce((first - seam + _WIDEST) % (2 * np.pi) - _WIDEST) - step / 2
     least = np.fmax.reduce((last - seam - _WIDEST) % (2 * np.pi) + _WIDEST) - 2 * np.pi + step / 2
-    told = most - least < 2 * step
-    usual = float(np.median((most + least)[told])) / 2 if told.any() else 0.0
+    report = most - least < 2 * step
+    usual = float(np.median((most + least)[report])) / 2 if report.any() else 0.0
     return sense * np.where(np.isfinite(most), np.clip(usual, least, np.maximum(least, most)), usual)
 
 

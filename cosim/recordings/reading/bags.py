@@ -142,14 +142,14 @@ def _stores(folder: Path) -> list[Path]:
 
 
 def _chosen(reader: Any, path: Path, topic: str | None) -> str:
-    kinds = {connection.topic: connection.msgtype for connection in reader.connections}
-    clouds = sorted(name for name, kind in kinds.items() if kind == CLOUD)
+    types = {connection.topic: connection.msgtype for connection in reader.connections}
+    clouds = sorted(name for name, kind in types.items() if kind == CLOUD)
     if topic is not None:
         if topic not in clouds:
             raise RecordingError(f"{path}: no PointCloud2 on {topic}; choose from {', '.join(clouds) or 'none'}")
         return topic
     if not clouds:
-        held = ", ".join(f"{name} ({kind})" for name, kind in sorted(kinds.items())) or "nothing"
+        held = ", ".join(f"{name} ({kind})" for name, kind in sorted(types.items())) or "nothing"
         raise RecordingError(
             f"{path}: no PointCloud2 in this bag; it holds {held}: play packets through the sensor's driver and record "
             "its clouds"

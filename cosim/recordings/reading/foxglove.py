@@ -117,8 +117,8 @@ def _messages(stream: Any, topic: str, start: int | None = None) -> Iterator[Any
 def _read(path: Path, topic: str, decode: Callable[[bytes], Mapping[str, Any]], stamp: int, number: int) -> Columns:
     """The columns of the message of a stamp; `number` counts those that have it."""
     with _readable(path), path.open("rb") as stream:
-        for place, (_, _, message) in enumerate(_messages(stream, topic, stamp)):
-            if place == number:
+        for position, (_, _, message) in enumerate(_messages(stream, topic, stamp)):
+            if position == number:
                 return cloud_columns(decode(message.data))
     raise RecordingError(f"{path}: ends before the message of {topic} at {stamp} ns")
 

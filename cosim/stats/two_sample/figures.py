@@ -135,8 +135,8 @@ def _quantiles(values: np.ndarray, percents: tuple[int, ...]) -> list[np.ndarray
     rows = np.arange(len(values))
     found = []
     for percent in percents:
-        place = np.clip(np.rint((count - 1) * percent / 100).astype(int), 0, None)
-        found.append(np.where(count > 0, ordered[rows, place], np.nan))
+        position = np.clip(np.rint((count - 1) * percent / 100).astype(int), 0, None)
+        found.append(np.where(count > 0, ordered[rows, position], np.nan))
     return found
 
 

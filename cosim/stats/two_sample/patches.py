@@ -93,12 +93,12 @@ def _cut(frame: Frame, grid: PatchGrid) -> tuple[np.ndarray, np.ndarray, np.ndar
     answered = np.isfinite(tiles[0])
     used = np.flatnonzero(answered.mean((1, 2)) >= _FEWEST_RETURNS)
     down, right = grid.patch_counts
-    place = np.stack(np.divmod(np.arange(down * right), right), 1)[used]
+    position = np.stack(np.divmod(np.arange(down * right), right), 1)[used]
     range_tiles, intensity_tiles, region_tiles = (tile[used] for tile in tiles)
     count = np.maximum(answered[used].sum((1, 2)), 1)
     shares = np.stack([(region_tiles == k).sum((1, 2)) / count for k in range(len(REGIONS))], 1)
     pictures = np.stack([range_tiles, intensity_tiles], 1).astype(np.float16)
-    return place, measure_figures(range_tiles, intensity_tiles), shares >= _REGION_SHARE, pictures
+    return position, measure_figures(range_tiles, intensity_tiles), shares >= _REGION_SHARE, pictures
 
 
 def _tiles(values: np.ndarray, grid: PatchGrid) -> np.ndarray:

@@ -43,11 +43,11 @@ def region_of_cells(points: np.ndarray, table: np.ndarray, on_object: np.ndarray
 
 def _ground_height(points: np.ndarray) -> np.ndarray:
     """Height of the ground under each point, (n,): the lowest point of its cell of 2 m and of the eight around it."""
-    place = np.floor(points[:, :2] / _CELL_M).astype(np.int64)
-    place -= place.min(0)
-    width = int(place[:, 1].max()) + 3
-    cell = (place[:, 0] + 1) * width + place[:, 1] + 1
-    floor = np.full((int(place[:, 0].max()) + 3) * width, np.inf)
+    position = np.floor(points[:, :2] / _CELL_M).astype(np.int64)
+    position -= position.min(0)
+    width = int(position[:, 1].max()) + 3
+    cell = (position[:, 0] + 1) * width + position[:, 1] + 1
+    floor = np.full((int(position[:, 0].max()) + 3) * width, np.inf)
     np.minimum.at(floor, cell, points[:, 2].astype(np.float64))
     around = [floor[cell + down * width + right] for down in (-1, 0, 1) for right in (-1, 0, 1)]
     return np.min(around, axis=0)

@@ -94,9 +94,9 @@ def _number_units(source: FrameSet, units: str) -> tuple[Sequence[Frame], list[i
     elif units == "drive":
         keys = [frame.name.rpartition("_")[0] for frame in frames]
     elif units.isdecimal() and int(units) > 0:
-        keys = [str(place // int(units)) for place in range(len(frames))]
+        keys = [str(position // int(units)) for position in range(len(frames))]
     else:
         raise CosimError(f"units are {units!r}; give frame, drive or a number of frames above 0")
     chosen = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MOST_FRAMES)).astype(int)) if frames else []
-    number = {key: place for place, key in enumerate(dict.fromkeys(keys[k] for k in chosen))}
+    number = {key: position for position, key in enumerate(dict.fromkeys(keys[k] for k in chosen))}
     return [frames[k] for k in chosen], [number[keys[k]] for k in chosen]

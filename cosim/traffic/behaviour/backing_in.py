@@ -83,8 +83,8 @@ class BackingIn:
             return True
         backing.since_s = min(backing.since_s, actors.time_s)
         if round((actors.time_s - backing.since_s) / stage.step_s) % _EVERY_STEPS == 0:
-            lane, place = stage.roads.lanes[backing.lot.lane], actors.front[row, :2]
-            script = self._plan(stage, row, backing.lot, lane, place, float(actors.heading_rad[row]), everyone=True)
+            lane, position = stage.roads.lanes[backing.lot.lane], actors.front[row, :2]
+            script = self._plan(stage, row, backing.lot, lane, position, float(actors.heading_rad[row]), everyone=True)
             if script is not None:
                 rows = np.minimum(np.arange(len(script) + _HOLD_STEPS), len(script) - 1)
                 stage.motion.play(vehicle, Script(script.front[rows], script.heading_rad[rows]))
@@ -120,8 +120,10 @@ class BackingIn:
             if back > lot.end_m - lot.start_m - size[0]:
                 break
             stop = lane.point(lot.end_m - back)[0] + right - front
-            place = np.array([stop @ (np.cos(along), np.sin(along)), stop @ (-np.sin(along), np.cos(along))])
-            script = plan_backing_in(front, along, actors.kinds[row], size, place, askew, boxes, _CLEAR_M, stage.step_s)
+            position = np.array([stop @ (np.cos(along), np.sin(along)), stop @ (-np.sin(along), np.cos(along))])
+            script = plan_backing_in(
+                front, along, actors.kinds[row], size, position, askew, boxes, _CLEAR_M, stage.step_s
+            )
             if script is not None:
                 return script
         return None

@@ -223,12 +223,12 @@ class Bystanders:
         ):
             goal = onward = person.at_m
         person.at_m = onward
-        place, ahead = person.place(person.at_m)
+        position, ahead = person.place(person.at_m)
         if abs(goal - person.at_m) > 1e-6:
             ahead = ahead * np.sign(goal - person.at_m)
         elif goal == person.stations[_END]:
-            ahead = -place
-        x, y = middle + _turned(place[None], heading)[0]
+            ahead = -position
+        x, y = middle + _turned(position[None], heading)[0]
         return [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
 
     def _make_room(self, motion: Motion, passers: dict[str, list[_Passer]], step_s: float) -> None:
@@ -326,12 +326,12 @@ def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Ac
             continue
         aside, shift = y - door[1], None
         if driving.lanes[row] == lane.id:
-            place = lane.project(middle)[1]
+            position = lane.project(middle)[1]
             if abs(x) > _ROUND_BENDS_M:
-                aside, wide = place - standing, width / 2
+                aside, wide = position - standing, width / 2
             needed = standing + reach + _CLEAR_M + _ELBOW_M + width / 2
             if driving.kinds[row] in _MAKE_ROOM and needed < (lane.width_m - width) / 2:
-                shift = float(needed - place)
+                shift = float(needed - position)
         speed = abs(float(driving.speed_mps[row]))
         in_s = max(left - _NEAR_M, 0.0) / max(speed, _SETS_OFF_MPS)
         found.append(_Passer(driving.ids[row], in_s, float(abs(aside) - wide - reach), shift, speed < _STANDS_MPS))

@@ -80,10 +80,10 @@ class KerbsideParking:
                     for lot in bay:
                         bays[lot.id] = (bay[0].id, bay[0].start_m, bay[-1].end_m)
         ends: dict[int, float | None] = {}
-        for (name, begin, end), some in groupby(stand, key=lambda one: bays[one[0].id]):
+        for (name, begin, end), subset in groupby(stand, key=lambda one: bays[one[0].id]):
             rng = np.random.default_rng([self._seed, zlib.crc32(name.encode())])
             at = begin
-            for _, row in some:
+            for _, row in subset:
                 front = at + float(actors.size[row, 0])
                 ends[row] = front if front <= end else None
                 at = front + gap.draw(rng)
@@ -93,11 +93,11 @@ class KerbsideParking:
         rng = np.random.default_rng([self._seed, zlib.crc32(actors.ids[row].encode()), 1])
         yaw = np.radians(self._config.parked_yaw_deg.draw(rng))
         length, width = actors.size[row, :2] / 2
-        place, along = lane.point(end_m - float(length))
+        position, along = lane.point(end_m - float(length))
         heading, right = along + yaw, np.array([np.sin(along), -np.cos(along)])
         forward = np.array([np.cos(heading), np.sin(heading)])
         beside = width * np.array([-np.sin(heading), np.cos(heading)])
-        centre = place + (lane.width_m + strip_m) / 2 * right
+        centre = position + (lane.width_m + strip_m) / 2 * right
         corners = [centre + end * length * forward + beside for end in (1, -1)]
         over = max(lane.project(corner)[1] for corner in corners) + lane.width_m / 2 + _OFF_LANE_M  # lanes bend
         centre = centre + max(over, 0.0) * right

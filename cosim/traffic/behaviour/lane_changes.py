@@ -47,15 +47,15 @@ class LaneChanges:
             if own.index + side in beside and self._rng.random() < chance
         ]
         if wishes and own.length_m > 2 * _CLEAR_OF_ENDS_M:
-            place = float(self._rng.uniform(0.1 * own.length_m, own.length_m - _CLEAR_OF_ENDS_M))
-            self._wants[vehicle] = (lane, place, wishes[int(self._rng.integers(len(wishes)))])
+            position = float(self._rng.uniform(0.1 * own.length_m, own.length_m - _CLEAR_OF_ENDS_M))
+            self._wants[vehicle] = (lane, position, wishes[int(self._rng.integers(len(wishes)))])
 
     def _ask(self, stage: Stage, vehicle: str, row: int, lane: str) -> None:
-        wanted, place, side = self._wants[vehicle]
+        wanted, position, side = self._wants[vehicle]
         if lane != wanted or vehicle in stage.busy:
             del self._wants[vehicle]
             return
-        if stage.actors.lane_position_m[row] < place or stage.actors.speed_mps[row] < 2.0:
+        if stage.actors.lane_position_m[row] < position or stage.actors.speed_mps[row] < 2.0:
             return
         del self._wants[vehicle]
         own = stage.roads.lanes[lane]

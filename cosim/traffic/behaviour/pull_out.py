@@ -72,13 +72,13 @@ class PullOut:
         lane = stage.roads.lanes.get(stops[0].lane) if stops else None
         if lane is None:
             return False
-        place = actors.front[row, :2]
-        at, left = lane.project(place)
+        position = actors.front[row, :2]
+        at, left = lane.project(position)
         if not _OFFSET_M[0] < -left < _OFFSET_M[1] or lane.length_m - at < _WAY_M:
             return False
         heading = lane.point(at)[1]
         askew = float((actors.heading_rad[row] - heading + np.pi) % (2 * np.pi) - np.pi)
-        boxes = in_axes(stage.boxes_near(place, vehicle), place, heading)
+        boxes = in_axes(stage.boxes_near(position, vehicle), position, heading)
         boxes = boxes[boxes[:, 1] < -left / 2]  # others at the kerb; those on the lane SUMO waits for
         size = actors.size[row]
         for length in _LENGTHS_M:

@@ -42,13 +42,13 @@ class Turnarounds:
 
     def _begin(self, stage: Stage, row: int, vehicle: str, back: Lane) -> None:
         actors = stage.actors
-        place, heading = actors.front[row, :2], float(actors.heading_rad[row])
-        away = back.shape[0] - place
+        position, heading = actors.front[row, :2], float(actors.heading_rad[row])
+        away = back.shape[0] - position
         goal = float(away[1] * np.cos(heading) - away[0] * np.sin(heading))
         for right, left in _ROOMS_M:
             room = Room(right_m=-right, left_m=max(left, goal + 1.5), goal_m=goal, boxes=_NOBODY)
             try:
-                script = plan_turn(place, heading, actors.kinds[row], actors.size[row], room, stage.step_s)
+                script = plan_turn(position, heading, actors.kinds[row], actors.size[row], room, stage.step_s)
             except TurnError:
                 continue
             stage.motion.play(vehicle, script)

@@ -76,8 +76,8 @@ class UTurns:
         for i in self._rng.permutation(len(found)).tolist()[:8]:
             row, lane, stop = found[i]
             back = stage.roads.of_edge[stage.roads.back[lane.edge]][-1]
-            place, heading = lane.point(stop)
-            if self._plan(stage, row, lane, back, place, heading, only_parked=True) is None:
+            position, heading = lane.point(stop)
+            if self._plan(stage, row, lane, back, position, heading, only_parked=True) is None:
                 continue
             vehicle = actors.ids[row]
             seconds = max(float(actors.speed_mps[row]) / _BRAKES_MPS2, 1.0)
@@ -111,15 +111,15 @@ class UTurns:
 
     def _ask_for_room(self, stage: Stage, turn: _Turn, row: int) -> bool:
         """Send a keeper into the other direction."""
-        place, heading = stage.actors.front[row, :2], float(stage.actors.heading_rad[row])
-        script = self._plan(stage, row, turn.lane, turn.back, place, heading, only_parked=True)
+        position, heading = stage.actors.front[row, :2], float(stage.actors.heading_rad[row])
+        script = self._plan(stage, row, turn.lane, turn.back, position, heading, only_parked=True)
         if script is None:
             return False
         size = stage.actors.size[row]
-        ways = in_axes(_boxes(script, size), place, heading)
+        ways = in_axes(_boxes(script, size), position, heading)
         reach = np.abs(np.cos(ways[:, 2])) * size[0] / 2 + np.abs(np.sin(ways[:, 2])) * size[1] / 2
         first, last = float((ways[:, 0] - reach).min()), float((ways[:, 0] + reach).max())
-        at, _ = turn.back.project(place)
+        at, _ = turn.back.project(position)
         head, length = at - first + _MARGIN_M, last - first + 2 * _MARGIN_M
         if head > turn.back.length_m - 1 or head - length < 1:
             return False
@@ -134,8 +134,8 @@ class UTurns:
         return True
 
     def _start(self, stage: Stage, turn: _Turn, row: int) -> bool:
-        place, heading = stage.actors.front[row, :2], float(stage.actors.heading_rad[row])
-        script = self._plan(stage, row, turn.lane, turn.back, place, heading, only_parked=False)
+        position, heading = stage.actors.front[row, :2], float(stage.actors.heading_rad[row])
+        script = self._plan(stage, row, turn.lane, turn.back, position, heading, only_parked=False)
         if script is None:
             return True  # a vehicle is still passing; try again until patience ends
         hold = np.full(_HOLD_STEPS, len(script) - 1)

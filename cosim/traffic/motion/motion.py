@@ -235,9 +235,9 @@ class Motion:
         state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
         state["speed"][on_foot] = state["curvature"][on_foot] = 0.0
         state["front"][on_foot] += _bumpers(actors, of["heading"], wheels[on_foot])
-        want, place = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
-        want["front"][place], want["heading"][place] = wanted.front, wanted.heading_rad
-        want["curvature"][place], want["speed"][place] = wanted.curvature_per_m, wanted.speed_mps
+        want, position = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
+        want["front"][position], want["heading"][position] = wanted.front, wanted.heading_rad
+        want["curvature"][position], want["speed"][position] = wanted.curvature_per_m, wanted.speed_mps
         rows = {int(row): i for i, row in enumerate(wheels)}
         company = Company(
             state=state,
@@ -279,12 +279,12 @@ class Motion:
     def _go_on_trails(self, actors: Actors, rows: np.ndarray, target: np.ndarray) -> list[Trail]:
         """Trails of the targets of some rows, which are their newest places."""
         trails = []
-        for row, place in zip(rows.tolist(), target.tolist(), strict=True):
+        for row, position in zip(rows.tolist(), target.tolist(), strict=True):
             trail = self._trails.get(actors.ids[row])
             if trail is None:
-                trail = Trail(np.array(place), float(actors.heading_rad[row]))
+                trail = Trail(np.array(position), float(actors.heading_rad[row]))
                 self._trails[actors.ids[row]] = trail
-            trail.add(*place)
+            trail.add(*position)
             trails.append(trail)
         return trails
 

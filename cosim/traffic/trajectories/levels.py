@@ -93,9 +93,9 @@ def _range_of_heights(lanes: LanePoints, positions: np.ndarray) -> tuple[np.ndar
 
 def _follow(tracks: RoadTracks, rows: np.ndarray, known: np.ndarray, lanes: LanePoints) -> np.ndarray:
     """Heights of one road user by the cheapest sequence of lanes (Viterbi's algorithm)."""
-    place, heading = tracks.front[rows, :2], tracks.heading_rad[rows]
+    position, heading = tracks.front[rows, :2], tracks.heading_rad[rows]
     count = min(_NEIGHBOURS, len(lanes.points))
-    away, near = (each.reshape(len(rows), count) for each in lanes.tree.query(place, k=count))
+    away, near = (each.reshape(len(rows), count) for each in lanes.tree.query(position, k=count))
     height = np.where(np.isfinite(known)[:, None], known[:, None], lanes.points[near, 2])
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     cosine = np.nan_to_num(np.einsum("nkd,nd->nk", lanes.ways[near], ahead))

@@ -96,11 +96,11 @@ class Replay:
     def _between(self, user: int, before: int, after: int, share: float) -> tuple[float, ...]:
         """Place, heading, speed, acceleration, yaw rate and lamps."""
         tracks, start = self._tracks, int(self._tracks.first[user])
-        place = (1 - share) * tracks.front[before] + share * tracks.front[after]
+        position = (1 - share) * tracks.front[before] + share * tracks.front[after]
         heading = (1 - share) * tracks.heading_rad[before] + share * tracks.heading_rad[after]
         speed = (1 - share) * tracks.speed_mps[before] + share * tracks.speed_mps[after]
         rates = (1 - share) * self._rates[user][before - start] + share * self._rates[user][after - start]
-        return (*place, heading, speed, *rates, float(tracks.signals[before]))
+        return (*position, heading, speed, *rates, float(tracks.signals[before]))
 
     def _actors(self, time_s: float, present: list[int], values: np.ndarray, lanes: tuple[str, ...]) -> Actors:
         tracks, none = self._tracks, np.zeros(len(present))

@@ -56,10 +56,10 @@ def infer_heading(
         if widest <= _FULL_TURN["degrees" if reading[0] < 1 else "radians"] * 1.02
     }
     best = max(fitting, key=lambda reading: fitting[reading]) if fitting else (1.0, "east")
-    told = ", ".join(f"{_angle(unit)} from {zero} {score:.2f}" for (unit, zero), score in scores.items())
+    report = ", ".join(f"{_angle(unit)} from {zero} {score:.2f}" for (unit, zero), score in scores.items())
     if not fitting or fitting[best] < _ALONG:
         raise TrajectoryError(
-            f"{source}: {name} is the direction of travel in no reading (mean cosine with the way: {told}); state it "
+            f"{source}: {name} is the direction of travel in no reading (mean cosine with the way: {report}); state it "
             f"in "
             f"{source}.yaml, as `heading: degrees from east`, or `heading: unused`"
         )
@@ -70,7 +70,7 @@ def infer_heading(
         raise TrajectoryError(
             f"{source}: {name} is in {_angle(declared)} by its name, but along the way in {_angle(best[0])} (mean "
             f"cosine "
-            f"with the way: {told}); state it in {source}.yaml, as `heading: {_angle(best[0])} from {best[1]}`"
+            f"with the way: {report}); state it in {source}.yaml, as `heading: {_angle(best[0])} from {best[1]}`"
         )
     notes.append(f"{name} is in {_angle(best[0])} from {best[1]}: along the way (mean cosine {fitting[best]:.3f})")
     return best[0], best[1], True

@@ -67,9 +67,9 @@ def position_outliers(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m
     for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
         if len(rows) < _FEWEST:
             continue
-        place, step_s = np.column_stack([x_m[rows], y_m[rows]]), np.maximum(np.diff(time_s[rows]), 1e-9)
-        way = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        past = np.linalg.norm(place[2:] - place[:-2], axis=1)
+        position, step_s = np.column_stack([x_m[rows], y_m[rows]]), np.maximum(np.diff(time_s[rows]), 1e-9)
+        way = np.linalg.norm(np.diff(position, axis=0), axis=1)
+        past = np.linalg.norm(position[2:] - position[:-2], axis=1)
         detour = np.minimum(way[1:], way[:-1])
         speed = np.minimum(way[1:] / step_s[1:], way[:-1] / step_s[:-1])
         usual = float(np.median(way / step_s))

@@ -228,13 +228,13 @@ def _contradiction(
     """The error that states what was tried, and what would agree."""
     tried = [reading for reading in readings if reading.speed_unit == readings[0].speed_unit]
     plausible = [reading for reading in tried if reading.is_plausible] or tried
-    told = "; ".join(reading.describe() for reading in plausible[:4])
+    report = "; ".join(reading.describe() for reading in plausible[:4])
     if stated is None or plausible[0].ratio is None:
         others = [unit for unit in _UNITS_S if _readings(table, names[0], unit, x, y, None, {1.0: ""})[0].is_plausible]
         remedy = f"it would be plausible in {_UNITS_S[others[0]]}: " if others else ""
         unit = others[0] if others else 0.04
         return TrajectoryError(
-            f"{source}: no reading of the time is plausible ({told}); samples lie {_STEP_S[0]:g} to {_STEP_S[1]:g} s "
+            f"{source}: no reading of the time is plausible ({report}); samples lie {_STEP_S[0]:g} to {_STEP_S[1]:g} s "
             f"apart "
             f"and traffic is slower than {_FASTEST_MPS:g} m/s; {remedy}state the unit in {source}.yaml, as "
             f"`time_unit_s: {unit:g}`"
@@ -257,6 +257,6 @@ def _contradiction(
         unit_s, unit_mps = plausible[0].unit_s * ratio, plausible[0].speed_unit * ratio
         remedy = f"`time_unit_s: {unit_s:.4g}` or `speed_unit_mps: {unit_mps:.4g}`"
     return TrajectoryError(
-        f"{source}: with {told}, road users move {ratio:.3g} times as fast as the {usual:.3g} that the table states; "
+        f"{source}: with {report}, road users move {ratio:.3g} times as fast as the {usual:.3g} that the table states; "
         f"state what is right in {source}.yaml ({remedy})"
     )

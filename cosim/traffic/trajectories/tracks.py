@@ -139,19 +139,19 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
     counts = np.array([0, *np.unique(names, return_counts=True)[1]])  # in the same order
     first = np.cumsum(counts)
     time_s, speed = (np.array([getattr(one, part) for one in kept], float) for part in ("time_s", "speed_mps"))
-    place = np.array([(one.x_m, one.y_m, one.z_m) for one in kept], float)
+    position = np.array([(one.x_m, one.y_m, one.z_m) for one in kept], float)
     heading = np.array([one.heading_rad for one in kept], float)
-    _check_numbers(path, kept, time_s, place)
+    _check_numbers(path, kept, time_s, position)
     size = np.array([users[name].size_m for name in ids], float)
     for number, name in enumerate(ids):
         rows = slice(first[number], first[number + 1])
         _check_order(path, name, time_s[rows])
-        heading[rows] = _headings(place[rows, :2], heading[rows])
+        heading[rows] = _headings(position[rows, :2], heading[rows])
         if centred and users[name].kind != "pedestrian":
             ahead = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
-            place[rows, :2] += ahead * (size[number, 0] / 2 + users[name].middle_ahead_m)
-        _check_way(path, name, time_s[rows], place[rows])
-        speed[rows] = _speeds(time_s[rows], place[rows, :2], speed[rows])
+            position[rows, :2] += ahead * (size[number, 0] / 2 + users[name].middle_ahead_m)
+        _check_way(path, name, time_s[rows], position[rows])
+        speed[rows] = _speeds(time_s[rows], position[rows, :2], speed[rows])
     return RoadTracks(
         ids=ids,
         types=tuple(users[name].type for name in ids),
@@ -159,7 +159,7 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
         size=size,
         first=first,
         time_s=time_s,
-        front=place,
+        front=position,
         heading_rad=heading,
         speed_mps=speed,
         signals=np.array([one.signals for one in kept], np.int64),

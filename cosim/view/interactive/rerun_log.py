@@ -86,8 +86,8 @@ def _log_frame(rr: Any, root: str, drive: Drive, frame: Frame, scale: Scale) -> 
         f"{lidar}/points",
         rr.Points3D(points[:, :3], colors=scale.colours(points[:, 3]), radii=_POINT_RADIUS_M),
     )
-    kinds = frame.labels.cared_for.type if frame.has("label_2") else ()
-    _log_boxes(rr, f"{lidar}/labels", labelled_boxes(frame), kinds)
+    types = frame.labels.cared_for.type if frame.has("label_2") else ()
+    _log_boxes(rr, f"{lidar}/labels", labelled_boxes(frame), types)
     objects = find_objects(frame)
     if objects.source == "twin":
         _log_boxes(rr, f"{lidar}/objects", objects.boxes, objects.kinds)

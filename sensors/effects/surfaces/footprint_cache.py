@@ -40,12 +40,12 @@ class FootprintCache:
 
     def met(self, radius_rad: float) -> Surface:
         """Surfaces (4 · k) that samples of footprints of a radius meet."""
-        place = bisect_left(self._radii, radius_rad)
-        if place < len(self._radii) and self._radii[place] == radius_rad:
-            return self._met[place]
-        found = self._traced(radius_rad, place)
-        self._radii.insert(place, radius_rad)
-        self._met.insert(place, found)
+        position = bisect_left(self._radii, radius_rad)
+        if position < len(self._radii) and self._radii[position] == radius_rad:
+            return self._met[position]
+        found = self._traced(radius_rad, position)
+        self._radii.insert(position, radius_rad)
+        self._met.insert(position, found)
         if len(self._radii) > _MOST:
             farthest = max(range(1, len(self._radii)), key=lambda row: abs(self._radii[row] - radius_rad))
             del self._radii[farthest], self._met[farthest]

@@ -26,8 +26,8 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     hits, traced = shot.hits, shot.traced
     if traced is None or shot.world is None:
         raise ValueError("the footprint is new rays; measure with trace_and_measure")
-    asked = shot.lasting("footprints", lambda: _Asked(shot))
-    beam, known = asked.beam, asked.known
+    requested = shot.lasting("footprints", lambda: _Asked(shot))
+    beam, known = requested.beam, requested.known
     every = directions_aside(traced.direction, radius_rad)
     time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
     met = known.bent(radius_rad, traced.origin[beam], traced.direction[beam], time_s)
@@ -48,10 +48,10 @@ def ranges_between(shot: Shot, radius_rad: float) -> np.ndarray:
 
     A thin object, such as a post, may be between samples.
     """
-    asked = shot.lasting("footprints", lambda: _Asked(shot))
+    requested = shot.lasting("footprints", lambda: _Asked(shot))
     inside = np.flatnonzero(np.array(_PROBED_RAD) < radius_rad)
     found = np.full((len(shot.rays), SAMPLES * len(inside)), np.inf)
-    found[asked.beam] = asked.probed[:, : SAMPLES * len(inside)]
+    found[requested.beam] = requested.probed[:, : SAMPLES * len(inside)]
     return found
 
 

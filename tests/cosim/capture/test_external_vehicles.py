@@ -53,6 +53,6 @@ def test_a_broken_folder_ends_the_run_with_a_line(
     config = tmp_path / "run.yaml"
     config.write_text(f"external_vehicles: {tmp_path}\n")
     assert main(["run", str(config), "--out", str(tmp_path / "drive"), "--quiet"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert str(tmp_path) in said
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert str(tmp_path) in message

@@ -214,13 +214,13 @@ def test_a_rig_that_cannot_be_is_refused_in_one_line(rig, says, tmp_path):
 def test_settings_that_do_not_go_together_are_refused(tmp_path, three):
     (tmp_path / "c.yaml").write_text("rig: roof_three\nmounts: {lidar: {x_m: 0, z_m: 2}}\n")
     assert "write the mounts into the rig's file" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
-    said = refused("run", "--rig", "roof_three", "--sensor", "vlp16", "--out", tmp_path / "d")
-    assert "every LiDAR of the rig names its own" in said
+    message = refused("run", "--rig", "roof_three", "--sensor", "vlp16", "--out", tmp_path / "d")
+    assert "every LiDAR of the rig names its own" in message
     assert "choose one of kitti, mast" in refused("run", "--rig", "none", "--out", tmp_path / "d")
     assert (
         "is not an image folder" in refused("run", tmp_path / "i.yaml", "--out", tmp_path / "d")
         if ((tmp_path / "i.yaml").write_text("rig: roof_three\nimages: [image_2]\n"))
         else False
     )
-    said = refused("compare", three, "--lidar", "roof", "--sensor", "vlp16")
-    assert "no LiDAR 'roof'" in said and "back, left" in said
+    message = refused("compare", three, "--lidar", "roof", "--sensor", "vlp16")
+    assert "no LiDAR 'roof'" in message and "back, left" in message

@@ -108,8 +108,8 @@ def test_a_second_run_is_refused_and_a_recording_process_that_is_killed_is_repla
     process = start_run(blind_config, folder)
     wait_for_frames(folder, 1, process)
     os.killpg(process.pid, signal.SIGSTOP)  # otherwise it may end before the second one starts
-    said = refused("run", blind_config, "--out", folder, "--quiet")
-    assert f"another run (process {process.pid} on " in said
+    message = refused("run", blind_config, "--out", folder, "--quiet")
+    assert f"another run (process {process.pid} on " in message
     (child,) = children_of(process)
     os.kill(child, signal.SIGKILL)
     os.killpg(process.pid, signal.SIGCONT)
@@ -126,8 +126,8 @@ def test_a_finished_drive_is_left_as_it_is(blind_drive, blind_config, tmp_path):
 
 
 def test_another_seed_gives_another_drive_and_is_refused_in_the_same_folder(blind_drive, blind_config, tmp_path):
-    said = refused("run", blind_config, "--seed", 4, "--out", linked(blind_drive, tmp_path))
-    assert "seed: 3" in said and "seed: 4" in said
+    message = refused("run", blind_config, "--seed", 4, "--out", linked(blind_drive, tmp_path))
+    assert "seed: 3" in message and "seed: 4" in message
 
 
 @pytest.mark.parametrize(

@@ -61,9 +61,9 @@ def test_nothing_is_said_any_more_once_the_work_is_over():
     with pytest.raises(ValueError, match="broken"), ProgressReport(console, "reading", every_s=0.01):
         until(log, "reading")
         raise ValueError("broken")
-    said = log.getvalue()
+    message = log.getvalue()
     time.sleep(0.05)
-    assert log.getvalue() == said
+    assert log.getvalue() == message
 
 
 def test_time_left_is_that_of_what_is_left_at_the_pace_so_far():

@@ -94,10 +94,10 @@ def make_yard(
         )
         write_frame(drive / f"twin/frames/{name}.json", _frame(number, shifted_m))
         (drive / f"calib/{name}.txt").write_text(_CALIBRATION)
-    told = {"kind": "measured", "pattern": "yard", "sweep_s": 0.1, **({"columns": 3} if columns == 3 else {})}
-    (drive / "drive.yaml").write_text(yaml.safe_dump(told))
-    for place in (drive, folder):
-        (place / "pattern.yaml").write_text(PATTERN.to_yaml())
+    report = {"kind": "measured", "pattern": "yard", "sweep_s": 0.1, **({"columns": 3} if columns == 3 else {})}
+    (drive / "drive.yaml").write_text(yaml.safe_dump(report))
+    for path in (drive, folder):
+        (path / "pattern.yaml").write_text(PATTERN.to_yaml())
     document = {"pattern": "./pattern.yaml", "effects": list(known)}
     (folder / "sensor.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     return Yard(drive, folder / "sensor.yaml")

@@ -63,9 +63,9 @@ def test_compare_writes_its_json_and_page_and_says_a_line(
         "compare", biased_yard.drive, "--sensor", biased_yard.sensor, "--frames", 3, "--out", out, "--json", file
     )
     assert code == 0
-    said = capsys.readouterr().out.strip().splitlines()
-    assert len(said) == 1
-    assert said[0].startswith("error ")
+    message = capsys.readouterr().out.strip().splitlines()
+    assert len(message) == 1
+    assert message[0].startswith("error ")
     found = read(file)
     assert set(found) == {
         "frames", "points", "channels", "error", "error_aligned", "budget", "noise_floor", "slices", "notes",
@@ -132,10 +132,10 @@ def test_notes_for_one_frame_list_what_is_not_observable(
     monkeypatch.chdir(tmp_path)
     yard = make_yard(tmp_path, frames=1, columns=3)
     assert run("diagnose", yard.drive, "--sensor", yard.sensor, "--out", "d", "--json", "d.json") == 0
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     page, found = (tmp_path / "d/index.html").read_text(), read(tmp_path / "d.json")
     for words in ("only one frame", "mount_rotation, mount_translation", "no frame was left", "no intensities"):
-        assert words in said
+        assert words in message
         assert words in page
         assert any(words in note for note in found["notes"])
     assert not {"mount_rotation", "mount_translation", "suspension_pitch"} & set(found["smallest_detectable"])
@@ -204,7 +204,7 @@ def test_a_users_mistake_ends_in_one_line_and_exit_code_2(
         return str(tmp_path / head / tail) if (tmp_path / head).exists() else word
 
     assert run(*(filled(word) for word in arguments)) == 2
-    said = capsys.readouterr().err.strip()
-    assert words in said
-    assert len(said.splitlines()) == 1
-    assert "Traceback" not in said
+    message = capsys.readouterr().err.strip()
+    assert words in message
+    assert len(message.splitlines()) == 1
+    assert "Traceback" not in message

@@ -17,9 +17,9 @@ from sensors.npz import npz_bytes
 
 def wall(count: int = 40, **changed: np.ndarray) -> dict[str, np.ndarray]:
     """Surfaces of 40 cm side by side on the plane x = 5, seen from 4 to 9 metres."""
-    place = np.arange(count) * 0.4
+    position = np.arange(count) * 0.4
     arrays = {
-        "centre": np.column_stack([np.full(count, 5.0), place, np.ones(count)]),
+        "centre": np.column_stack([np.full(count, 5.0), position, np.ones(count)]),
         "normal": np.tile([-1.0, 0, 0], (count, 1)),
         "reach_m": np.full((count, 8), 0.2),
         "sd_m": np.full(count, 0.02),
@@ -44,8 +44,8 @@ def test_hit_is_assigned_to_the_surface_it_lies_on(tmp_path: Path) -> None:
     drive = drive_with(tmp_path / "drive", wall())
     surfaces = Maps(drive).of(None)
     assert surfaces is not None and has_surfels(drive.root)
-    place = np.array([[5.0, 0.83, 1.1], [5.01, 4.0, 0.9], [5.2, 4.0, 1.0], [5.0, 4.0, 1.0]])
-    met = surfaces.met(place, np.array([STATIC, STATIC, STATIC, NOTHING]))
+    position = np.array([[5.0, 0.83, 1.1], [5.01, 4.0, 0.9], [5.2, 4.0, 1.0], [5.0, 4.0, 1.0]])
+    met = surfaces.met(position, np.array([STATIC, STATIC, STATIC, NOTHING]))
     np.testing.assert_array_equal(met, [2, 10, -1, -1])
 
 
@@ -53,29 +53,29 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
     surfaces = Maps(drive_with(tmp_path / "drive", wall(trusted=np.array([1] * 39 + [0], np.uint8)))).of(None)
     assert surfaces is not None
     measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
-    place = np.array([[5.0, 0, 1], [5.0, 0, 1], [5.0, 0, 1], [5.0, 15.6, 1], [5.0, 0, 1]])
+    position = np.array([[5.0, 0, 1], [5.0, 0, 1], [5.0, 0, 1], [5.0, 15.6, 1], [5.0, 0, 1]])
     met, slope, still = np.array([0, 0, 0, 39, -1]), np.ones(5), np.zeros((5, 3))
-    compared = surfaces.compared(met, place, slope, measured, still)
+    compared = surfaces.compared(met, position, slope, measured, still)
     np.testing.assert_array_equal(compared, [True, False, True, False, False])
     for moved, seen in ((0.4, True), (1.5, True), (-0.4, False)):
-        compared = surfaces.compared(met, place, slope, measured, np.tile([moved, 0, 0], (5, 1)))
+        compared = surfaces.compared(met, position, slope, measured, np.tile([moved, 0, 0], (5, 1)))
         np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
 
 
 def test_beam_at_grazing_incidence_with_a_return_off_the_surface_is_not_compared(tmp_path: Path) -> None:
     surfaces = Maps(drive_with(tmp_path / "drive", wall())).of(None)
     assert surfaces is not None
-    place, measured = np.tile([5.0, 0, 1], (2, 1)), np.tile([4.8, 0, 1], (2, 1))
-    compared = surfaces.compared(np.zeros(2, int), place, np.array([1.0, 0.05]), measured, np.zeros((2, 3)))
+    position, measured = np.tile([5.0, 0, 1], (2, 1)), np.tile([4.8, 0, 1], (2, 1))
+    compared = surfaces.compared(np.zeros(2, int), position, np.array([1.0, 0.05]), measured, np.zeros((2, 3)))
     np.testing.assert_array_equal(compared, [True, False])
 
 
 def test_beam_outside_the_points_of_a_surface_is_not_compared(tmp_path: Path) -> None:
     surfaces = Maps(drive_with(tmp_path / "drive", wall())).of(None)
     assert surfaces is not None
-    place = np.array([[5.0, 0.1, 1.1], [5.0, 0.19, 1.19]])  # in the cell's corner, beyond the octagon of the points
+    position = np.array([[5.0, 0.1, 1.1], [5.0, 0.19, 1.19]])  # in the cell's corner, beyond the octagon of the points
     lost = np.full((2, 3), np.nan)
-    compared = surfaces.compared(np.zeros(2, int), place, np.ones(2), lost, np.zeros((2, 3)))
+    compared = surfaces.compared(np.zeros(2, int), position, np.ones(2), lost, np.zeros((2, 3)))
     np.testing.assert_array_equal(compared, [True, False])
 
 

@@ -215,9 +215,9 @@ def test_diagnose_writes_its_json_page_and_sensor(
 def test_a_bias_that_was_detected_is_removed_from_every_chart(diagnosed: Diagnosis, diagnosed_page: str) -> None:
     assert [one.effect for one in diagnosed.effects] == ["range_bias"]
     assert is_self_contained(diagnosed_page)
-    said = targets(diagnosed_page, "range", "range")
-    assert len(said) > 10
-    for words in said.values():
+    message = targets(diagnosed_page, "range", "range")
+    assert len(message) > 10
+    for words in message.values():
         before, after = (
             float(re.findall(rf"{side} ([+−][\d.]+)", words)[0].replace("−", "-")) for side in ("before", "after")
         )
@@ -319,8 +319,8 @@ def test_when_nothing_is_missing_page_and_line_say_so_and_what_is_detectable() -
     assert "encoder_eccentricity from 0.02°" in text
     assert "rays/ is &lt;absent&gt;" in text
     assert line.startswith("nothing missing: no significant effect; detectable: range_bias from 0.4 cm")
-    for said in (text, line):
-        assert "3.2 × the noise floor, of which poses 2.0, objects 0.2; aligned 1.030, at the noise floor" in said
+    for message in (text, line):
+        assert "3.2 × the noise floor, of which poses 2.0, objects 0.2; aligned 1.030, at the noise floor" in message
 
 
 def test_nothing_missing_is_never_reported_while_anything_is_listed() -> None:

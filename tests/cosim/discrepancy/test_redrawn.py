@@ -41,10 +41,10 @@ def test_grid_is_extended_beyond_jumps():
     held, switch = 0, rng.random(len(BEAMS)) < 0.2
     grid = np.linspace(-0.1, 0.1, 2001)
     for _ in range(40):
-        noise, place = rng.standard_normal(len(BEAMS)), rng.uniform(-1, 1, len(BEAMS))
-        above = place > rng.normal(0, 0.01, len(BEAMS))
+        noise, point = rng.standard_normal(len(BEAMS)), rng.uniform(-1, 1, len(BEAMS))
+        above = point > rng.normal(0, 0.01, len(BEAMS))
 
-        def losses(at, noise=noise, position=place, above=above):
+        def losses(at, noise=noise, position=point, above=above):
             return 0.5 * (noise - 3 * at) ** 2 + switch * np.where((position > at) == above, 0.1, 8.0)
 
         sums = np.array([losses(at).sum() for at in grid])

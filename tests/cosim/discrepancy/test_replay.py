@@ -48,8 +48,8 @@ def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) ->
 
 
 def test_what_was_was_left_is_returned_to(replay: SampleReplay) -> None:
-    kinds = effect_classes()
-    turned = kinds["elevation_offset"](offset_deg=0.3)
+    types = effect_classes()
+    turned = types["elevation_offset"](offset_deg=0.3)
     before = replay.expect(())
     moved = replay.expect((turned,))
     assert np.nanmax(np.abs(moved.of.range_m - before.of.range_m)) > 0.05

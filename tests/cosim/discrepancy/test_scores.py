@@ -56,7 +56,7 @@ def test_a_model_does_not_draw_the_noise_that_a_simulated_drive_was_measured_wit
 def test_values_are_rounded_where_surfaces_really_are() -> None:
     """Rounding acts last: who knows a surface to be 4 cm farther must round what is measured there."""
     rounding = RangeQuantization(step_m=0.1), IntensityQuantization(step=0.05)
-    told = Ensemble(np.array([[1.02, 2.08, np.nan]]), np.array([[0.5, 0.93, np.nan]]), rounding)
-    ranges, intensities = told.moved(np.array([0.04, -0.04, 0.0]), np.array([0.9, 1.2, 1.0]))
+    report = Ensemble(np.array([[1.02, 2.08, np.nan]]), np.array([[0.5, 0.93, np.nan]]), rounding)
+    ranges, intensities = report.moved(np.array([0.04, -0.04, 0.0]), np.array([0.9, 1.2, 1.0]))
     np.testing.assert_allclose(ranges, [[1.1, 2.0, np.nan]])
     np.testing.assert_allclose(intensities, [[0.45, 1.0, np.nan]])

@@ -49,7 +49,7 @@ def test_frames_come_from_a_stretch_with_motion_and_validation_scans_are_close_t
     places = on_the_way(600, waits)
     split = split_of_maps(fit, held_out, places, 28_800)
     assert int(split.fit[0]) >= 80 and int(split.fit[5]) < 150
-    fitted, for_validation = ([places[name][0] for name in some] for some in (split.fit[:6], split.test[:3]))
+    fitted, for_validation = ([places[name][0] for name in subset] for subset in (split.fit[:6], split.test[:3]))
     assert min(fitted) - 5 <= min(for_validation) and max(for_validation) <= max(fitted) + 5
 
 

@@ -52,9 +52,9 @@ def test_a_difference_is_detected_in_its_column_only() -> None:
 
 def test_small_differences_in_the_same_direction_are_clear_together() -> None:
     evidence = gather_evidence(*drawn(0, dict.fromkeys(range(4), 0.055)))
-    alike, nothing = np.zeros((len(COLUMNS), 1)), np.zeros((len(COLUMNS), 2))
-    alike[:4] = 1.0
-    found = find_directions(evidence, {"alike": alike, "nothing": nothing}, np.random.default_rng(0), families=2)
+    similar, nothing = np.zeros((len(COLUMNS), 1)), np.zeros((len(COLUMNS), 2))
+    similar[:4] = 1.0
+    found = find_directions(evidence, {"alike": similar, "nothing": nothing}, np.random.default_rng(0), families=2)
     assert found["alike"] < 0.05 < find_significance(evidence, np.random.default_rng(0)).smallest
     assert found["nothing"] == 1.0
 

@@ -62,9 +62,9 @@ def test_ind(tmp_path: Path, town: Town) -> None:
     lines = ["recordingId,trackId,frame,xCenter,yCenter,heading,width,length,xVelocity,yVelocity"]
     for who in range(2):
         ahead = np.array([[1.0, 0.0], [0.0, 1.0]])[who]
-        for frame, place in enumerate(true_position(who) - 2.0 * ahead):
+        for frame, position in enumerate(true_position(who) - 2.0 * ahead):
             vx, vy = (10 + 2 * who) * ahead
-            lines.append(f"0,{who},{frame},{place[0]},{place[1]},{90 * who},1.8,4.0,{vx},{vy}")
+            lines.append(f"0,{who},{frame},{position[0]},{position[1]},{90 * who},1.8,4.0,{vx},{vy}")
     (tmp_path / "00_tracks.csv").write_text("\n".join(lines))
     (tmp_path / "00_tracksMeta.csv").write_text("recordingId,trackId,class\n0,0,car\n0,1,truck_bus\n")
     (tmp_path / "00_recordingMeta.csv").write_text("recordingId,frameRate\n0,5\n")
@@ -77,9 +77,9 @@ def test_highd(tmp_path: Path, town: Town) -> None:
     lines = ["frame,id,x,y,width,height,xVelocity,yVelocity"]
     for who in range(2):
         ahead = np.array([[1.0, 0.0], [0.0, 1.0]])[who]
-        for frame, place in enumerate(true_position(who) - 2.0 * ahead):
+        for frame, position in enumerate(true_position(who) - 2.0 * ahead):
             vx, vy = (10 + 2 * who) * ahead
-            corner = place[0] - 2.0, -place[1] - 0.9
+            corner = position[0] - 2.0, -position[1] - 0.9
             lines.append(f"{frame},{who},{corner[0]},{corner[1]},4.0,1.8,{vx},{-vy}")
     (tmp_path / "01_tracks.csv").write_text("\n".join(lines))
     (tmp_path / "01_tracksMeta.csv").write_text("id,class\n0,Car\n1,Car\n")
@@ -90,9 +90,9 @@ def test_highd(tmp_path: Path, town: Town) -> None:
 def test_ngsim(tmp_path: Path, town: Town) -> None:
     lines = ["Vehicle_ID,Frame_ID,Global_Time,Global_X,Global_Y,v_Vel,v_Class"]
     for who in range(2):
-        for frame, place in enumerate(true_position(who) / 0.3048):
+        for frame, position in enumerate(true_position(who) / 0.3048):
             time_ms = 1118846979700 + 200 * frame
-            lines.append(f"{who},{frame},{time_ms},{place[0]},{place[1]},{(10 + 2 * who) / 0.3048},2")
+            lines.append(f"{who},{frame},{time_ms},{position[0]},{position[1]},{(10 + 2 * who) / 0.3048},2")
     path = tmp_path / "ngsim.csv"
     path.write_text("\n".join(lines))
     check(read_measured(path, town))

@@ -31,8 +31,8 @@ def test_damaged_frames_and_shared_files_are_made_again_to_the_same_bytes(copy, 
         file.write(b"\0\1\2\3")
     (copy / "pattern.yaml").write_text("name: other\n")
     found = tmp_path / "found.json"
-    told = refused("check", copy, "--no-repair", "--quiet")
-    assert "4 of" in told and "are damaged" in told
+    report = refused("check", copy, "--no-repair", "--quiet")
+    assert "4 of" in report and "are damaged" in report
     cosim("check", copy, "--json", found)
     damaged = json.loads(found.read_text())
     assert damaged["damaged"] == {

@@ -53,10 +53,10 @@ def test_a_run_that_was_killed_blocks_no_other_run_and_one_that_ends_leaves_no_f
 
 def test_a_killed_runs_processes_are_waited_for(tmp_path, holder):
     _, release = holder(alone=False)
-    begun = time.monotonic()
+    started = time.monotonic()
     threading.Timer(0.5, release.set).start()
     with exclusive(tmp_path):
-        assert time.monotonic() - begun >= 0.4
+        assert time.monotonic() - started >= 0.4
 
 
 def test_processes_of_a_run_join_it(tmp_path, holder):

@@ -81,8 +81,8 @@ def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
         skipped = DaskEngine(dask.address, patience_s=4.0).share_out(Mishaps(tmp_path / "tasks"), tasks, events.append)
     assert [skip.task.name for skip in skipped] == ["c"] and "of no length" in skipped[0].reason
     assert done(tmp_path / "tasks") == {"a", "b", "d", "e"}
-    kinds = [event.kind for event in events]
-    assert kinds.count("task") == 4 and kinds.count("again") == 3 and kinds.count("skipped") == 1
+    types = [event.kind for event in events]
+    assert types.count("task") == 4 and types.count("again") == 3 and types.count("skipped") == 1
 
 
 @pytest.mark.slow

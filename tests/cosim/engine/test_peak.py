@@ -19,7 +19,7 @@ def test_what_was_held_counts_after_it_has_gone():
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a process inherits its parent's peak")
 def test_what_the_parent_holds_does_not_count():
     kept = bytearray(HELD)
-    said = subprocess.check_output(
+    message = subprocess.check_output(
         [sys.executable, "-c", "from cosim.engine.peak import peak_bytes; print(peak_bytes())"]
     )
-    assert int(said) < HELD < len(kept) + 1
+    assert int(message) < HELD < len(kept) + 1

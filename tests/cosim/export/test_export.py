@@ -48,9 +48,9 @@ def test_an_unfinished_drive_is_refused_in_one_line(drive_folder, tmp_path, caps
     unfinished = tmp_path / "unfinished"
     shutil.copytree(drive_folder, unfinished, ignore=shutil.ignore_patterns("drive.yaml", "hits", "image_*", "twin"))
     assert main(["export", name, str(unfinished), "--out", str(tmp_path / "x")]) == 2
-    said = capsys.readouterr().err.strip()
-    assert "\n" not in said
-    assert "unfinished" in said
+    message = capsys.readouterr().err.strip()
+    assert "\n" not in message
+    assert "unfinished" in message
     assert not (tmp_path / "x").exists()
 
 

@@ -86,7 +86,7 @@ def test_mistakes_end_in_one_line(kitti_root: Path, tmp_path: Path, capsys: pyte
     wrong = tmp_path / "list.txt"
     wrong.write_text("123456\n")
     out = str(tmp_path / "out")
-    for arguments, said in (
+    for arguments, message in (
         ([str(bare)], "the twin is made from labels"),
         ([str(tmp_path / "none")], "no such folder"),
         ([str(kitti_root), "--frames", str(wrong)], "frame 123456 is not in"),
@@ -95,7 +95,7 @@ def test_mistakes_end_in_one_line(kitti_root: Path, tmp_path: Path, capsys: pyte
     ):
         assert main(["twin", *arguments, "--out", out]) == 2
         error = capsys.readouterr().err
-        assert said in error
+        assert message in error
         assert error.count("\n") == 1
     assert main(["twin", str(kitti_root), "--out", str(kitti_root / "training")]) == 2
 

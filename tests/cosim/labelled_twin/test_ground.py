@@ -74,9 +74,9 @@ def test_trust_ends_at_the_kerb_and_the_mesh_goes_on() -> None:
     trust = trust_ground(cells, surface, np.zeros((0, 4)), SENSOR)
     x = np.linspace(-20, 20, 81)
     for y, share in ((0.0, 0.85), (3.5, 0.85), (6.0, 0.0), (-6.0, 0.0)):
-        place = np.column_stack([x, np.full_like(x, y)])
-        place = place[np.abs(x) + np.abs(y) > 6] if share else place
-        assert (trust.ground_at(place).mean() >= share) if share else (trust.ground_at(place).mean() <= share)
+        position = np.column_stack([x, np.full_like(x, y)])
+        position = position[np.abs(x) + np.abs(y) > 6] if share else position
+        assert (trust.ground_at(position).mean() >= share) if share else (trust.ground_at(position).mean() <= share)
     mesh = ground_mesh(trust, surface, SENSOR)
     assert np.abs(mesh.vertices[:, 1]).max() > 6
     down = np.tile(np.float32([0, 0, -1]), (len(cells), 1))

@@ -55,8 +55,8 @@ def refusal(drive: Path, pattern: Path, capsys: pytest.CaptureFixture[str]) -> s
     assert main(["twin", str(drive), "--out", str(out), "--pattern", str(pattern)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert not (out / "drive.yaml").exists()
-    (told,) = [line for line in lines if line.startswith("cosim twin:")]
-    return told
+    (report,) = [line for line in lines if line.startswith("cosim twin:")]
+    return report
 
 
 def test_a_scan_of_flat_ground_makes_a_twin_and_names_no_other_pattern(tmp_path, pattern, capsys):
@@ -71,8 +71,8 @@ def test_points_in_another_order_are_reported(tmp_path, pattern, capsys):
     points, ring = scan(flat)
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     drive = write_drive(tmp_path / "drive", points[np.lexsort((ring, -np.round(azimuth, 3)))])
-    told = refusal(drive, pattern, capsys)
-    assert "nothing could be compared with it" in told and "order of points: a ring spans" in told
+    report = refusal(drive, pattern, capsys)
+    assert "nothing could be compared with it" in report and "order of points: a ring spans" in report
 
 
 def test_a_pattern_that_is_not_the_scans_is_reported(tmp_path, capsys):
@@ -85,8 +85,8 @@ def test_a_pattern_that_is_not_the_scans_is_reported(tmp_path, capsys):
 def test_a_mount_too_low_for_its_rings_is_reported(tmp_path, capsys):
     points, elevation_deg = sparse()
     drive = write_drive(tmp_path / "drive", points)
-    told = refusal(drive, write_pattern(tmp_path / "own.yaml", elevation_deg), capsys)
-    assert "height of mount: 0.5 m above ground, rings of own are" in told and "the limit is" in told
+    report = refusal(drive, write_pattern(tmp_path / "own.yaml", elevation_deg), capsys)
+    assert "height of mount: 0.5 m above ground, rings of own are" in report and "the limit is" in report
 
 
 def test_points_with_z_down_are_reported(tmp_path, pattern, capsys):

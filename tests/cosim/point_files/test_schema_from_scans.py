@@ -77,12 +77,12 @@ def write_pcd(path: Path, points: np.ndarray, *more: tuple[str, np.ndarray | Non
     for at, (_, values, _, count) in enumerate(fields):
         if values is not None and count:
             record[f"f{at}"] = values[:, None]
-    kinds = [np.dtype(kind) for _, _, kind, _ in fields]
+    types = [np.dtype(kind) for _, _, kind, _ in fields]
     lines = [
         "VERSION 0.7",
         f"FIELDS {' '.join(field[0] for field in fields)}",
-        f"SIZE {' '.join(str(kind.itemsize) for kind in kinds)}",
-        f"TYPE {' '.join(kind.kind.upper() for kind in kinds)}",
+        f"SIZE {' '.join(str(kind.itemsize) for kind in types)}",
+        f"TYPE {' '.join(kind.kind.upper() for kind in types)}",
         f"COUNT {' '.join(str(field[3]) for field in fields)}",
         f"WIDTH {len(points)}",
         "HEIGHT 1",

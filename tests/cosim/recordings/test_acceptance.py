@@ -29,9 +29,9 @@ def scores(shift: float = 0.0, scans: int = 8, spread: float = 0.02, seed: int =
 
 
 def made(folder: Path, number: int, given: dict, accepted: dict, transfers: list | None = None) -> Round:
-    place = folder / f"round_{number}"
-    place.mkdir(parents=True)
-    write_scores(place / SCORES, {"given": given, "accepted": accepted})
+    path = folder / f"round_{number}"
+    path.mkdir(parents=True)
+    write_scores(path / SCORES, {"given": given, "accepted": accepted})
     empty: dict = {name: None for name in Round.__dataclass_fields__}
     own = {"number": number, "sensor_out": f"round_{number}/sensor.yaml", "accepted": f"round_{number}/accepted.yaml"}
     lists = {"findings": [{"effect": "range_walk"}], "unknowns": [], "refitted": {}, "limits": ["is straight"]}
@@ -114,8 +114,8 @@ def test_drives_are_combined_and_differences_are_family_wise() -> None:
     together = combine([first, second])[0]
     assert together.mean == pytest.approx(0.21, abs=1e-3) and together.p_agree is not None and together.p_agree > 0.3
     assert together.mean_high - together.mean_low < 0.08
-    alike, unlike = differences("ab", [first, second]), differences("ab", [first, third])
-    assert not any(one.is_significant for one in alike)
+    similar, unlike = differences("ab", [first, second]), differences("ab", [first, third])
+    assert not any(one.is_significant for one in similar)
     assert unlike[0].effect == "elevation_offset" and unlike[0].is_significant and len(unlike) == 17
     assert unlike[0].difference == pytest.approx(0.4) and all(not one.is_significant for one in unlike[1:])
 

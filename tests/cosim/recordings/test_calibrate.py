@@ -80,9 +80,9 @@ def test_points_corrected_for_what_was_detected_make_a_thinner_map(calibrated: P
 
 
 def test_an_interval_knows_what_the_map_takes_up_of_what_its_points_were_not_freed_of() -> None:
-    told = {"params": {"offset_deg": 0.2}, "ci95": {"offset_deg": [0.19, 0.21]}}
-    first = widened("elevation_offset", told, [])["offset_deg"]
-    again = widened("elevation_offset", told, [ElevationOffset(offset_deg=0.18)])["offset_deg"]
+    report = {"params": {"offset_deg": 0.2}, "ci95": {"offset_deg": [0.19, 0.21]}}
+    first = widened("elevation_offset", report, [])["offset_deg"]
+    again = widened("elevation_offset", report, [ElevationOffset(offset_deg=0.18)])["offset_deg"]
     assert first[0] == again[0] == 0.19 and 0.21 < again[1] < 0.215 < 0.23 < first[1]
     noise = {"params": {"sigma_m": 0.02}, "ci95": {"sigma_m": [0.01, 0.03]}}
     assert widened("range_noise", noise, []) == noise["ci95"], "moves no point"
@@ -96,8 +96,8 @@ def test_the_page_shows_every_round_and_the_history_of_every_sensor_file(calibra
     history = json.loads((calibrated / "out/history.json").read_text())
     rounds = json.loads((calibrated / "told.json").read_text())["rounds"]
     assert len(history) == len(rounds) and all(one["error"] > 0 for one in history)
-    for place in ("map", "diagnosis"):
-        assert (calibrated / f"out/from_found/round_1/{place}/index.html").is_file()
+    for file in ("map", "diagnosis"):
+        assert (calibrated / f"out/from_found/round_1/{file}/index.html").is_file()
 
 
 @pytest.mark.slow
@@ -125,7 +125,7 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
 def test_the_order_of_points_in_files_does_not_change_what_is_detected(tmp_path: Path) -> None:
     pytest.importorskip("kiss_icp")
     rings = record(tmp_path / "rings", path(SCANS), load_pattern("vlp16"))
-    told = {}
+    report = {}
     for order in ("rings", "firings", "shuffled"):
         folder = tmp_path / order
         folder.mkdir(exist_ok=True)
@@ -141,14 +141,14 @@ def test_the_order_of_points_in_files_does_not_change_what_is_detected(tmp_path:
                 points[rows].tofile(folder / file.name)
         out = ["--out", str(tmp_path / f"{order}_out"), "--json", str(tmp_path / f"{order}.json")]
         assert main(["calibrate", str(folder), *out, "--rounds", "1", "--quiet"]) == 0
-        told[order] = json.loads((tmp_path / f"{order}.json").read_text())["rounds"][0]
-    first = told["rings"]
-    for other in (told["firings"], told["shuffled"]):
+        report[order] = json.loads((tmp_path / f"{order}.json").read_text())["rounds"][0]
+    first = report["rings"]
+    for other in (report["firings"], report["shuffled"]):
         assert other["thickness_ground_m"] == pytest.approx(first["thickness_ground_m"], rel=1e-3)
-        mine, theirs = first["findings"][0], other["findings"][0]
-        assert theirs["effect"] == mine["effect"]
-        for name, (low, high) in mine["ci95"].items():
-            assert theirs["params"][name] == pytest.approx(mine["params"][name], abs=0.5 * (high - low))
+        own, theirs = first["findings"][0], other["findings"][0]
+        assert theirs["effect"] == own["effect"]
+        for name, (low, high) in own["ci95"].items():
+            assert theirs["params"][name] == pytest.approx(own["params"][name], abs=0.5 * (high - low))
 
 
 @pytest.mark.slow

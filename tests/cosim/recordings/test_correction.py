@@ -34,13 +34,13 @@ def measured(effects: tuple[Effect, ...]) -> tuple[Scan, np.ndarray]:
     )  # fmt: skip
     reach = rng.uniform(4, 40, len(rays))
     true = beams.origin + reach[:, None] * beams.direction
-    told = reach.copy()
+    report = reach.copy()
     for one in effects:
         if isinstance(one, RangeWalk):
-            told += one.amplitude_m * np.exp(-one.decay * light)
+            report += one.amplitude_m * np.exp(-one.decay * light)
         if isinstance(one, RangeBias):
-            told += one.offset_m
-    stored = beams.rays.origin + told[:, None] * beams.rays.direction
+            report += one.offset_m
+    stored = beams.rays.origin + report[:, None] * beams.rays.direction
     return Scan("000000", stored[rows].astype(np.float64), light[rows]), true[rows].astype(np.float64)
 
 

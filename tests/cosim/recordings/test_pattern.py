@@ -107,20 +107,22 @@ def test_noise_across_the_beams_becomes_misfit_and_not_lasers() -> None:
 def test_what_is_no_spinning_sensor_is_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     cloud = rng.uniform(-20, 20, (20000, 3))
-    said = refused("pattern", written(tmp_path / "cloud", [Scan("0", cloud)]), "--out", tmp_path / "p.yaml")
-    assert "cones about z" in said and "raster:" in said
+    message = refused("pattern", written(tmp_path / "cloud", [Scan("0", cloud)]), "--out", tmp_path / "p.yaml")
+    assert "cones about z" in message and "raster:" in message
     table = load_pattern("rosette_like_mid40")
-    said = refused("pattern", written(tmp_path / "rosette", scans(table, "firings", 1)), "--out", tmp_path / "p.yaml")
-    assert "cones about z" in said
+    message = refused(
+        "pattern", written(tmp_path / "rosette", scans(table, "firings", 1)), "--out", tmp_path / "p.yaml"
+    )
+    assert "cones about z" in message
 
 
 def test_scans_of_several_sensors_are_refused(tmp_path: Path) -> None:
     one = scans(load_pattern("vlp16"), "firings", count=3)
     other = scans(load_pattern("os1_64"), "firings", count=1)[0]
-    said = refused(
+    message = refused(
         "pattern", written(tmp_path / "both", [*one, Scan("000009", other.xyz)]), "--out", tmp_path / "p.yaml"
     )
-    assert "as of several sensors" in said and "000009" in said
+    assert "as of several sensors" in message and "000009" in message
 
 
 def test_too_few_points_are_refused(tmp_path: Path) -> None:

@@ -104,8 +104,8 @@ def test_rows_that_are_no_returns_are_left_out_and_counted(tmp_path: Path) -> No
 
 def test_the_scale_of_intensities_follows_the_field_and_the_user(tmp_path: Path) -> None:
     rows = points()
-    kinds = {name: "<u2" if name == "intensity" else STRUCTURE[name].str for name in STRUCTURE.names or ()}
-    wide = rows.astype(list(kinds.items()))
+    types = {name: "<u2" if name == "intensity" else STRUCTURE[name].str for name in STRUCTURE.names or ()}
+    wide = rows.astype(list(types.items()))
     wide["intensity"] = wide["intensity"] * 200
     write(tmp_path / "a.npy", wide)
     recording = open_recording(tmp_path)
@@ -159,8 +159,8 @@ def write(file: Path, rows: np.ndarray) -> None:
         columns: dict[str, Any] = {name: rows[name] for name in names}
         np.savez(file, **columns)
     elif file.suffix == ".pcd":
-        kinds = [rows.dtype[name].type for name in names]
-        pytest.importorskip("pypcd4").PointCloud.from_points([rows[n] for n in names], names, kinds).save(file)
+        types = [rows.dtype[name].type for name in names]
+        pytest.importorskip("pypcd4").PointCloud.from_points([rows[n] for n in names], names, types).save(file)
     elif file.suffix == ".feather":
         polars = pytest.importorskip("polars")
         polars.DataFrame({name: rows[name] for name in names}).write_ipc(file, compression="lz4")
@@ -169,9 +169,9 @@ def write(file: Path, rows: np.ndarray) -> None:
 
 
 def ply(rows: np.ndarray, form: str) -> bytes:
-    kinds = {"f4": "float", "u1": "uchar", "u2": "ushort", "u4": "uint"}
+    types = {"f4": "float", "u1": "uchar", "u2": "ushort", "u4": "uint"}
     stored = rows.dtype
-    properties = "".join(f"property {kinds[stored[name].str[1:]]} {name}\n" for name in stored.names or ())
+    properties = "".join(f"property {types[stored[name].str[1:]]} {name}\n" for name in stored.names or ())
     return f"ply\nformat {form} 1.0\nelement vertex {len(rows)}\n{properties}end_header\n".encode()
 
 
@@ -210,8 +210,8 @@ def cloud(store: object, rows: np.ndarray, old: bool) -> object:
     header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="lidar", **({"seq": 0} if old else {}))
     codes = {"f4": 7, "u1": 2, "u2": 4, "u4": 6}
     fields = [
-        types["sensor_msgs/msg/PointField"](name=name, offset=place[1], datatype=codes[place[0].str[1:]], count=1)
-        for name, place in (rows.dtype.fields or {}).items()
+        types["sensor_msgs/msg/PointField"](name=name, offset=position[1], datatype=codes[position[0].str[1:]], count=1)
+        for name, position in (rows.dtype.fields or {}).items()
     ]
     size = rows.dtype.itemsize
     return types["sensor_msgs/msg/PointCloud2"](

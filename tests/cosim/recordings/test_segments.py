@@ -79,11 +79,13 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_frames_lie_in_the_world_of_their_segment(twin: Path) -> None:
-    drive, told = Drive(twin / "twin"), json.loads((twin / "twin.json").read_text())
-    assert told["segments"] == 2 and told["scans"] == SCANS and any("2 segments" in note for note in told["notes"])
+    drive, report = Drive(twin / "twin"), json.loads((twin / "twin.json").read_text())
+    assert (
+        report["segments"] == 2 and report["scans"] == SCANS and any("2 segments" in note for note in report["notes"])
+    )
     worlds = [frame.twin.static for frame in drive]
     assert worlds == sorted(worlds) and set(worlds) == {"worlds/segment_0000.glb", "worlds/segment_0001.glb"}
-    assert told["error_held_out_m"] < 0.04 and not (twin / "twin-segments").exists()
+    assert report["error_held_out_m"] < 0.04 and not (twin / "twin-segments").exists()
 
 
 @pytest.mark.slow
@@ -115,7 +117,7 @@ def test_segments_whose_path_jumps_or_stands_are_looked_at_only_where_there_are_
     def looked_at(*paths: tuple[bool, tuple[int, ...]]) -> list[int]:
         all_paths = [SimpleNamespace(standing=standing, doubtful=jumps) for standing, jumps in paths]
         prepared: Any = SimpleNamespace(paths=all_paths, path=SimpleNamespace(from_odometry=True))
-        return [int(mine[0]) // each for mine in frames_of(prepared, made, names)[0]]
+        return [int(own[0]) // each for own in frames_of(prepared, made, names)[0]]
 
     assert looked_at((False, ()), (False, (4,)), (True, ())) == [0]
     assert looked_at((True, ()), (False, (4,)), (False, (2, 3))) == [1, 2]

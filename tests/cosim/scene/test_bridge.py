@@ -106,10 +106,10 @@ def test_velocity_follows_the_road():
 def test_wheels_and_feet_rest_on_uneven_ground():
     base = lay_groundwork(small_town())
     ground, x = Ground(base.ground), np.linspace(-70.0, 70.0, 29)
-    place = np.column_stack([x, np.full(29, 1.6), base.height(np.column_stack([x, np.full(29, 1.6)]))])
+    position = np.column_stack([x, np.full(29, 1.6), base.height(np.column_stack([x, np.full(29, 1.6)]))])
     for kind in ("car", "pedestrian"):
         size = next(spec.size_m for spec in CATALOGUE.values() if spec.kind == kind)
-        row = road_users([kind] * 29, place.tolist(), sizes=[size] * 29)
+        row = road_users([kind] * 29, position.tolist(), sizes=[size] * 29)
         placed = Bridge(ground, seed=1).place(row)
         for i, name in enumerate(placed.models):
             spec = CATALOGUE[name]

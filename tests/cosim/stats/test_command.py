@@ -81,9 +81,9 @@ def test_bad_input_is_a_line_and_exit_2(
     else:
         (drive / "label_2/000001.txt").write_text("Car 0 0\n")
     assert main(["stats", str(target), "--quiet"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("cosim stats: ")
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith("cosim stats: ")
+    assert message.count("\n") == 1
 
 
 def test_a_third_set_is_held_against_the_same_reference(drive: Path, labels_only: Path, tmp_path: Path) -> None:

@@ -55,13 +55,13 @@ def scenario(folder: Path, init: dict[str, str], story: dict[str, str], start_s:
 </Action>{AT.format(0)}</Event></Maneuver></ManeuverGroup>"""
         for name, text in story.items()
     )
-    told = f'<Story name="s"><Act name="act">{groups}{AT.format(start_s)}</Act></Story>' if story else ""
+    report = f'<Story name="s"><Act name="act">{groups}{AT.format(start_s)}</Act></Story>' if story else ""
     parameters = '<ParameterDeclaration name="start" parameterType="double" value="3"/>'
     path = folder / "scenario.xosc"
     path.write_text(
         f"<OpenSCENARIO>{HEAD}<ParameterDeclarations>{parameters}</ParameterDeclarations><CatalogLocations/>"
         f"<RoadNetwork/><Entities>{objects}</Entities>"
-        f"<Storyboard><Init><Actions>{begins}</Actions></Init>{told}<StopTrigger/></Storyboard></OpenSCENARIO>"
+        f"<Storyboard><Init><Actions>{begins}</Actions></Init>{report}<StopTrigger/></Storyboard></OpenSCENARIO>"
     )
     return path
 
@@ -99,8 +99,8 @@ def test_entities_are_where_their_trajectories_have_them(hamlet, lane, tmp_path)
 
 def test_absolute_times_are_those_of_the_simulation(hamlet, lane, tmp_path):
     start, way, heading = lane
-    told = follows([(2.0, start), (4.0, start + 16 * way)], heading)
-    path = scenario(tmp_path, {}, {"ego": told}, start_s="1", ego=CAR)
+    report = follows([(2.0, start), (4.0, start + 16 * way)], heading)
+    path = scenario(tmp_path, {}, {"ego": report}, start_s="1", ego=CAR)
     assert Replay(read_trajectories(path, hamlet.streets)).life("ego") == (2.0, 4.0)
 
 
@@ -109,8 +109,8 @@ def test_vehicles_of_catalogues_are_detected(hamlet, lane, tmp_path):
     (tmp_path / "cars").mkdir()
     (tmp_path / "cars/c.xosc").write_text(f'<OpenSCENARIO>{HEAD}<Catalog name="cars">{CAR}</Catalog></OpenSCENARIO>')
     named = '<CatalogReference catalogName="cars" entryName="{}"/>'
-    told = follows([(0.0, start), (4.0, start + 16 * way)], heading)
-    path = scenario(tmp_path, {"ego": told}, {}, ego=named.format("saloon"))
+    report = follows([(0.0, start), (4.0, start + 16 * way)], heading)
+    path = scenario(tmp_path, {"ego": report}, {}, ego=named.format("saloon"))
     where = '<CatalogLocations><VehicleCatalog><Directory path="cars"/></VehicleCatalog></CatalogLocations>'
     path.write_text(path.read_text().replace("<CatalogLocations/>", where))
     tracks = read_trajectories(path, hamlet.streets).size
@@ -148,8 +148,8 @@ ON_LANE = '<Position><LanePosition roadId="1" laneId="-1" s="3" offset="0"/></Po
 )
 def test_what_only_a_simulator_could_tell_is_refused_in_one_line(old, new, says, hamlet, lane, tmp_path):
     start, way, heading = lane
-    told = follows([(0.0, start), (6.0, start + 30 * way)], heading, "relative")
-    path = scenario(tmp_path, {}, {"ego": told}, ego=CAR)
+    report = follows([(0.0, start), (6.0, start + 30 * way)], heading, "relative")
+    path = scenario(tmp_path, {}, {"ego": report}, ego=CAR)
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(Exception, match=says) as caught:

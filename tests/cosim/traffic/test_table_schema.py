@@ -215,9 +215,9 @@ def test_persons_in_vehicles_are_no_road_users(marker, tmp_path):
 def test_sumos_own_table_is_read_without_riders(tmp_path):
     rows = ["timestep_time;vehicle_id;vehicle_x;vehicle_y;vehicle_angle;vehicle_type;vehicle_speed;vehicle_lane"]
     for k in range(40):
-        place = f"{10 + 0.9 * k:.2f};0.00;90.00"
-        rows.append(f"{0.1 * k:.2f};v;{place};DEFAULT_VEHTYPE;9.00;we_0")
-        rows.append(f"{0.1 * k:.2f};p;{place};DEFAULT_PEDTYPE;9.00;")
+        position = f"{10 + 0.9 * k:.2f};0.00;90.00"
+        rows.append(f"{0.1 * k:.2f};v;{position};DEFAULT_VEHTYPE;9.00;we_0")
+        rows.append(f"{0.1 * k:.2f};p;{position};DEFAULT_PEDTYPE;9.00;")
     tracks = read(tmp_path, "\n".join(rows))
     assert tracks.ids == ("v",) and tracks.sumo_clock and tracks.lanes[0] == "we_0"
     assert np.allclose(tracks.front[0, :2], [10, 0]) and np.allclose(tracks.heading_rad, 0)

@@ -56,8 +56,8 @@ class Chromium:
         ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (reads, writes)]
 
         def give_pipes() -> None:
-            for end, place in zip(ends, (3, 4), strict=True):  # where the protocol is spoken
-                os.dup2(end, place)
+            for end, position in zip(ends, (3, 4), strict=True):  # where the protocol is spoken
+                os.dup2(end, position)
 
         self._process = subprocess.Popen(
             [find_chromium(), *_FLAGS, f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank"],
@@ -100,8 +100,8 @@ class Chromium:
 
     def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
         """Drag with the left button."""
-        kinds = [("mousePressed", start, 1), ("mouseMoved", end, 1), ("mouseReleased", end, 0)]
-        for kind, (x, y), buttons in kinds:
+        types = [("mousePressed", start, 1), ("mouseMoved", end, 1), ("mouseReleased", end, 0)]
+        for kind, (x, y), buttons in types:
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
 
     def point(self, x: float, y: float) -> None:

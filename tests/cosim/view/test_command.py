@@ -37,8 +37,8 @@ def test_a_file_is_all_there_is(labelled_drive: Path, tmp_path: Path, capsys: py
     assert main(["view", str(labelled_drive), "--out", str(page), "--frames", "2"]) == 0
     assert [file.name for file in page.parent.iterdir()] == ["page.html"]
     assert names_in(page) == ["000000", "000002"]
-    said = capsys.readouterr().err
-    assert "2 of 3 frames" in said and "show all with --serve" in said
+    message = capsys.readouterr().err
+    assert "2 of 3 frames" in message and "show all with --serve" in message
     assert not re.search(r'(?:src|href)="|https?://|@import', page.read_text(encoding="utf-8"))
 
 

@@ -211,16 +211,16 @@ def test_dragging_turns_and_r_goes_back(browser: Chromium, labelled_drive: Path,
 def test_a_point_under_the_pointer_shows_its_values(browser: Chromium, labelled_drive: Path, tmp_path: Path) -> None:
     browser.open(written(tmp_path / "page.html", labelled_drive, frames="000001"))
     pixels(browser)
-    place = browser.evaluate(
+    position = browser.evaluate(
         "(() => { const scene = cosimView.panes[0].space.scene, m = scene.matrix, [x, y, z] = [11, 2, -0.9];"
         "const w = m[3] * x + m[7] * y + m[11] * z + m[15], box = scene.canvas.getBoundingClientRect();"
         "return [((m[0] * x + m[4] * y + m[8] * z + m[12]) / w + 1) / 2 * box.width + box.left,"
         "(1 - (m[1] * x + m[5] * y + m[9] * z + m[13]) / w) / 2 * box.height + box.top]; })()"
     )
-    browser.point(*place)
+    browser.point(*position)
     browser.wait("!document.querySelector('.tip').hidden")
-    said = browser.evaluate("document.querySelector('.tip').textContent")
-    assert "range 11." in said and "Car: visible" in said and "intensity" in said
+    message = browser.evaluate("document.querySelector('.tip').textContent")
+    assert "range 11." in message and "Car: visible" in message and "intensity" in message
 
 
 def test_two_drives_stand_side_by_side_with_one_eye_and_one_slider(

@@ -55,29 +55,31 @@ def _result(folder: Path, hidden: dict, seed: int) -> dict[str, Any]:
         from cosim.driver_discrepancy import traffic_diagnose
 
         folder.mkdir(parents=True, exist_ok=True)
-        town, begun = build_town(folder / "town", crossings=3), time.monotonic()
+        town, started = build_town(folder / "town", crossings=3), time.monotonic()
         task = {"config": str(town), "out": str(folder / "measured.csv"), "hidden": hidden, "seed": seed}
         (folder / "task.json").write_text(json.dumps({**task, "drivers": 44, "parked": 24, "seconds": 90}))
         maker = [sys.executable, "-m", "tests.hidden.traffic.maker", str(folder / "task.json")]
         subprocess.run(maker, check=True, cwd=_ROOT)
         config = RunConfig(town=str(town), behaviour=BEHAVIOUR)  # pyright: ignore[reportArgumentType]
         found = traffic_diagnose(folder / "measured.csv", config).to_json()
-        path.write_text(json.dumps({**found, "total_s": time.monotonic() - begun}, indent=1))
+        path.write_text(json.dumps({**found, "total_s": time.monotonic() - started}, indent=1))
     return json.loads(path.read_text())
 
 
 def _print(name: str, truth: dict[str, dict[str, float]], result: dict[str, Any]) -> None:
     names = [one["effect"] for one in result["effects"]]
-    judged = "exact" if sorted(names) == sorted(truth) else "first" if names[:1] == list(truth)[:1] else "MISSED"
-    told = []
+    validated = "exact" if sorted(names) == sorted(truth) else "first" if names[:1] == list(truth)[:1] else "MISSED"
+    report = []
     for one in result["effects"]:
         for key, true in truth.get(one["effect"], {}).items():
             low, high = one["ci95"][key]
-            told.append(
+            report.append(
                 f"{key} {one['params'][key]:.3g} (true {true:g}, {'in' if low <= true <= high else 'OUT OF'} CI)"
             )
     fall = f"error {result['error_before']:.3f} → {result['error_after']:.3f} (floor {result['noise_floor']:.3f})"
-    print(f"{name:20s} {judged:7s} {', '.join(names) or '–':30s} {fall} {'; '.join(told)} {result['total_s']:.0f} s")
+    print(
+        f"{name:20s} {validated:7s} {', '.join(names) or '–':30s} {fall} {'; '.join(report)} {result['total_s']:.0f} s"
+    )
 
 
 if __name__ == "__main__":

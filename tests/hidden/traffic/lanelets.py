@@ -23,12 +23,12 @@ def convert(source: Path, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     lanelets = {lanelet.get("id", ""): lanelet for lanelet in ET.parse(source).getroot().findall("lanelet")}
     edges = _edges(lanelets)
-    place = {name: (number, index) for number, edge in enumerate(edges) for index, name in enumerate(edge)}
+    position = {name: (number, index) for number, edge in enumerate(edges) for index, name in enumerate(edge)}
     nodes: dict[str, np.ndarray] = {}
     parts: list[str] = []
     links: list[str] = []
     for number, edge in enumerate(edges):
-        after = {place[to][0] for name in edge for to in _refs(lanelets[name], "successor")}
+        after = {position[to][0] for name in edge for to in _refs(lanelets[name], "successor")}
         before = any(_refs(lanelets[name], "predecessor") for name in edge)
         begin = f"into{number}" if before else f"source{number}"
         end = f"into{min(after)}" if after else f"sink{number}"
@@ -45,7 +45,7 @@ def convert(source: Path, folder: Path) -> Path:
         )
         for index, name in enumerate(edge):
             for to in _refs(lanelets[name], "successor"):
-                other, lane = place[to]
+                other, lane = position[to]
                 links.append(f'<connection from="e{number}" to="e{other}" fromLane="{index}" toLane="{lane}"/>')
     points = "".join(f'<node id="{name}" x="{x:.2f}" y="{y:.2f}"/>' for name, (x, y) in nodes.items())
     (folder / "m.nod.xml").write_text(f"<nodes>{points}</nodes>")

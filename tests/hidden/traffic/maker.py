@@ -120,9 +120,9 @@ def _routes(net: Path, more: Path, habit: dict, rng, drivers: int, parked: int, 
         stop = ""
         if lot is not None:
             stop = f'<stop parkingArea="{lot.get("id")}" duration="{stays.get(name, 1e6):.1f}"/>'
-        place = "stop" if lot is not None else "random_free"
+        position = "stop" if lot is not None else "random_free"
         text.append(
-            f'<vehicle id="{name}" type="{base["id"]}" depart="{depart:.1f}" departPos="{place}" departLane="best" '
+            f'<vehicle id="{name}" type="{base["id"]}" depart="{depart:.1f}" departPos="{position}" departLane="best" '
             f'departSpeed="0"><route edges="{" ".join(route)}"/>{stop}</vehicle>'
         )
     return "".join([*text, "</routes>"])

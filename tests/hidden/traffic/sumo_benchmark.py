@@ -158,17 +158,17 @@ def _line(name: str, case: Case, result: dict[str, Any]) -> str:
     names = ", ".join(one["effect"] for one in result["effects"]) or "–"
     left = ", ".join(f"{one['channel']}{one['covariates'] or ''}" for one in result["unexplained"])
     fall = f"{result['error_before']:.3f} → {result['error_after']:.3f} (floor {result['noise_floor']:.3f})"
-    judged = _judge(name, case, result)
-    return f"{name:30s} {judged:10s} {names:36s} {fall} {'; '.join(words)} | {left} | {result['cpu_s']:.0f} CPU s"
+    validated = _judge(name, case, result)
+    return f"{name:30s} {validated:10s} {names:36s} {fall} {'; '.join(words)} | {left} | {result['cpu_s']:.0f} CPU s"
 
 
 def _print_shares(done: dict[str, dict[str, Any]]) -> None:
-    judged = {name: _judge(name, CASES[name], found) for name, found in done.items()}
+    validated = {name: _judge(name, CASES[name], found) for name, found in done.items()}
     for kind, good in (("strong", "exact|first"), ("half", "exact|first"), ("pair", "exact"), ("unknown", "right")):
-        own = [word for name, word in judged.items() if name.startswith(kind)]
+        own = [word for name, word in validated.items() if name.startswith(kind)]
         print(f"{kind}: {sum(bool(re.match(good, word)) for word in own)} of {len(own)}")
     nulls = {name: found for name, found in done.items() if name.startswith("null")}
-    silent = sum(judged[name] == "silent" for name in nulls)
+    silent = sum(validated[name] == "silent" for name in nulls)
     ratio = [found["error_before"] / found["noise_floor"] for found in nulls.values()]
     print(f"null: {silent} of {len(nulls)} silent; error over floor {np.round(ratio, 2).tolist()}")
     effects = [one for found in done.values() for one in found["effects"]]

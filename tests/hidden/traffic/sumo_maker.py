@@ -120,8 +120,8 @@ def _change_lanes_limits(libsumo, hidden: dict, rng: np.random.Generator) -> Non
     if "slow_quarter" in hidden:
         places = {lane: np.mean(libsumo.lane.getShape(lane), axis=0) for lane in lanes if lane[0] != ":"}
         middle = np.median(list(places.values()), axis=0)
-        for lane, place in places.items():
-            if (place < middle).all():
+        for lane, position in places.items():
+            if (position < middle).all():
                 libsumo.lane.setMaxSpeed(lane, libsumo.lane.getMaxSpeed(lane) * hidden["slow_quarter"])
 
 

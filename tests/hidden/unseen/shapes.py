@@ -179,9 +179,9 @@ _OF_CLASS = ("class", "kind", "model", "instance", "material")
 
 def _draw_class(rng: np.random.Generator, level: str, world: World) -> dict[str, Any]:
     channel = pick(rng, _CHANNELS)
-    kinds = world.kinds(_FEWEST_OBJECTS, _FEWEST_BEAMS)
+    types = world.kinds(_FEWEST_OBJECTS, _FEWEST_BEAMS)
     where: list[dict[str, Any]] = [{"material": pick(rng, world.materials(_FEWEST_SHARE, 0.7))}]
-    where += [{"objects": name} for name, members in CLASSES.items() if set(members) & set(kinds)]
+    where += [{"objects": name} for name, members in CLASSES.items() if set(members) & set(types)]
     return _sized(rng, channel, level) | pick(rng, where)
 
 

@@ -59,9 +59,9 @@ def test_beams_that_stand_a_little_aside_meet_the_same_faces(whole):
     later = np.full(len(whole.rays), traced.delay_s, np.float32)
     moved = replace(traced, moving=(higher, traced.direction, later))
     aside = Shot(whole.pattern, whole.rays, traced=moved, world=whole.world)
-    asked = Shot(shot.pattern, shot.rays, world=whole.world, whole=aside, rows=shot.rows)
+    requested = Shot(shot.pattern, shot.rays, world=whole.world, whole=aside, rows=shot.rows)
     bent = known.bent(RADIUS_RAD, moved.origin[shot.rows], direction, time_s)
-    assert differing(bent, FootprintCache(asked, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
+    assert differing(bent, FootprintCache(requested, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
 
 
 def test_what_moves_is_traced_again_where_beams_leave_later(whole):

@@ -26,7 +26,7 @@ def test_points_stay_in_their_boxes_when_a_frame_is_flipped_turned_and_scaled(se
     rng = np.random.default_rng(seed)
     before = sample(rng)
     after = augment(before, Augment(flip=1, rotation_deg=90, scale=0.2, samples={}), None, rng)
-    counts = [points_in_boxes(some.points, as_boxes(some.boxes)).sum(1) for some in (before, after)]
+    counts = [points_in_boxes(subset.points, as_boxes(subset.boxes)).sum(1) for subset in (before, after)]
     assert counts[0].tolist() == counts[1].tolist() and counts[0].min() > 200
     assert not np.allclose(before.boxes, after.boxes)
 
@@ -39,12 +39,12 @@ def test_a_scaled_object_keeps_its_points_at_its_faces_and_its_bottom_centre():
     factor = after.boxes[:, 3:6] / before.boxes[:, 3:6]
     assert np.ptp(factor) > 0.05 and (np.abs(factor - 1) <= 0.2 + 1e-6).all()
     assert after.boxes[:, [0, 1, 6]] == pytest.approx(before.boxes[:, [0, 1, 6]], abs=1e-5)
-    bottoms = [some.boxes[:, 2] - some.boxes[:, 5] / 2 for some in (before, after)]
+    bottoms = [subset.boxes[:, 2] - subset.boxes[:, 5] / 2 for subset in (before, after)]
     assert bottoms[0] == pytest.approx(bottoms[1], abs=1e-5)
     for box in after.boxes:  # those of the roof lie as far under the top as car_points puts them
-        mine = points_in_boxes(after.points, as_boxes(box[None]), 0.01)[0]
-        assert mine.sum() == 250
-        assert after.points[mine, 2].max() == pytest.approx(box[2] + 0.49 * box[5], abs=1e-3)
+        own = points_in_boxes(after.points, as_boxes(box[None]), 0.01)[0]
+        assert own.sum() == 250
+        assert after.points[own, 2].max() == pytest.approx(box[2] + 0.49 * box[5], abs=1e-3)
 
 
 def test_a_small_tilt_keeps_the_points_of_a_car_in_its_box():
@@ -71,8 +71,8 @@ def test_objects_put_in_bring_their_points_and_overlap_nothing():
     columns = [0, 1, 3, 4, 6]
     for row in range(len(filled.boxes)):
         others = np.delete(filled.boxes, row, 0)[:, columns]
-        mine = np.repeat(filled.boxes[row : row + 1, columns], len(others), 0)
-        assert paired_intersections(mine, others).max() == 0
+        own = np.repeat(filled.boxes[row : row + 1, columns], len(others), 0)
+        assert paired_intersections(own, others).max() == 0
     assert points_in_boxes(filled.points, as_boxes(filled.boxes)).sum(1).min() > 200
 
 

@@ -36,9 +36,9 @@ def street(seed: int = 0) -> TrainingSample:
 
 def test_the_ground_of_a_slope_is_detected_also_where_cars_hide_it():
     ground = find_ground(collate([street()]).points, 1, GRID)
-    place = torch.tensor([[10.0, 2.0], [12.0, -3.0], [32.0, 5.0], [20.0, 0.0], [45.0, -10.0]])
-    rise = ground.rise(torch.zeros(len(place), dtype=torch.int64), place)
-    expected = torch.tensor(slope(*place.T.numpy()) - LEVEL_M)
+    position = torch.tensor([[10.0, 2.0], [12.0, -3.0], [32.0, 5.0], [20.0, 0.0], [45.0, -10.0]])
+    rise = ground.rise(torch.zeros(len(position), dtype=torch.int64), position)
+    expected = torch.tensor(slope(*position.T.numpy()) - LEVEL_M)
     assert torch.allclose(rise, expected, atol=0.06)
 
 
@@ -60,5 +60,7 @@ def test_a_higher_sensor_sees_the_same_cars_on_level_ground():
     here, up = street(), np.float32([0, 0, 0.2])
     moved = np.pad(up, (0, 4))
     lifted = TrainingSample("lifted", here.points + moved[:4], here.boxes + moved, here.class_ids)
-    told = [find_ground(collate([some]).points, 1, GRID).levelled(collate([some])).boxes[0] for some in (here, lifted)]
-    assert torch.allclose(*told, atol=0.03)
+    report = [
+        find_ground(collate([subset]).points, 1, GRID).levelled(collate([subset])).boxes[0] for subset in (here, lifted)
+    ]
+    assert torch.allclose(*report, atol=0.03)

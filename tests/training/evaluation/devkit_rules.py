@@ -33,10 +33,10 @@ def footprint(labels, row):
 def overlap(metric, detections, j, labels, i):
     if metric == "2d":
         return image_overlap(detections.bbox[j], labels.bbox[i])
-    mine, theirs = footprint(labels, i), footprint(detections, j)
-    shared = mine.intersection(theirs).area
+    own, theirs = footprint(labels, i), footprint(detections, j)
+    shared = own.intersection(theirs).area
     if metric == "bev":
-        return shared / (mine.area + theirs.area - shared)
+        return shared / (own.area + theirs.area - shared)
     bottom = min(detections.location[j, 1], labels.location[i, 1])
     top = max(d.location[r, 1] - d.dimensions[r, 0] for d, r in ((detections, j), (labels, i)))
     volume = shared * max(0.0, bottom - top)

@@ -13,9 +13,9 @@ EVERYTHING = ("Car", "Car", "Car", "Van", "Pedestrian", "Person_sitting", "Cycli
 
 def objects(rng: np.random.Generator, count: int, classes: tuple[str, ...] = EVERYTHING) -> Labels:
     """Objects anywhere before the camera, some crowding, some small, hidden or cut off."""
-    place = np.column_stack([rng.uniform(-8, 8, count), rng.uniform(1, 2, count), rng.uniform(5, 55, count)])
+    position = np.column_stack([rng.uniform(-8, 8, count), rng.uniform(1, 2, count), rng.uniform(5, 55, count)])
     size = np.abs(rng.normal([1.5, 1.6, 3.9], [0.1, 0.1, 0.4], (count, 3)))
-    left, height = 600 + 30 * place[:, 0], 1300 / place[:, 2]
+    left, height = 600 + 30 * position[:, 0], 1300 / position[:, 2]
     return Labels(
         tuple(rng.choice(classes, count)),
         rng.choice([0, 0, 0, 0.2, 0.4, 0.6], count),
@@ -23,7 +23,7 @@ def objects(rng: np.random.Generator, count: int, classes: tuple[str, ...] = EVE
         rng.uniform(-3.1, 3.1, count),
         np.column_stack([left, 180 - height / 2, left + 1.5 * height, 180 + height / 2]),
         size,
-        place,
+        position,
         rng.uniform(-3.1, 3.1, count),
     )
 

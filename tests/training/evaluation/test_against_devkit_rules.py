@@ -21,5 +21,5 @@ def test_random_detections_score_as_with_the_devkits_loops(seed, spread, ties):
         for metric, levels in metrics.items():
             for level, result in enumerate(levels):
                 expected = average_precisions(name.lower(), metric, level, frames)
-                mine = [result.r40, result.r11] + ([result.aos40, result.aos11] if metric == "2d" else [])
-                assert mine == pytest.approx(expected[: len(mine)], abs=1e-6), (name, metric, level)
+                own = [result.r40, result.r11] + ([result.aos40, result.aos11] if metric == "2d" else [])
+                assert own == pytest.approx(expected[: len(own)], abs=1e-6), (name, metric, level)

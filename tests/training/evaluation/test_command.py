@@ -35,11 +35,11 @@ def run(folder: Path, *more: object) -> int:
 
 def test_json_holds_percent_by_difficulty_and_null_for_classes_without_detections(folders):
     assert run(folders, "--json", folders / "result.json", "--out", folders / "page") == 0
-    said = json.loads((folders / "result.json").read_text())
-    assert list(said) == ["Car", "Pedestrian", "Cyclist"] and said["Cyclist"] is None
+    message = json.loads((folders / "result.json").read_text())
+    assert list(message) == ["Car", "Pedestrian", "Cyclist"] and message["Cyclist"] is None
     for metric in ("3d", "bev", "2d", "aos"):
-        assert {len(said["Car"][metric][key]) for key in ("R40", "R11")} == {3}
-    assert said["Car"]["3d"]["continuous"] == pytest.approx([100, 100, 100])
+        assert {len(message["Car"][metric][key]) for key in ("R40", "R11")} == {3}
+    assert message["Car"]["3d"]["continuous"] == pytest.approx([100, 100, 100])
     page = (folders / "page" / "index.html").read_text()
     assert "Car, IoU over 0.7" in page and "<svg" in page
 
@@ -77,17 +77,19 @@ def test_detections_of_unlabelled_frames_are_refused(folders, capsys):
 def test_an_interval_holds_the_figure_and_closes_where_all_frames_are_equal():
     rng = np.random.default_rng(2)
     labels = [objects(rng, 8, ("Car",)) for _ in range(40)]
-    result = evaluate(pair_frames(labels, [as_detections(rng, some, 0.03) for some in labels])).results["Car"]["3d"][2]
+    result = evaluate(pair_frames(labels, [as_detections(rng, subset, 0.03) for subset in labels])).results["Car"][
+        "3d"
+    ][2]
     low, high = interval(resample(result, np.random.default_rng(0), 300)[:, 0])
     assert low < result.r40 < high
-    alike = evaluate(pair_frames([labels[0]] * 20, [perfect(labels[0])] * 20)).results["Car"]["bev"][2]
-    assert np.ptp(resample(alike, np.random.default_rng(0), 50)[:, 1]) == pytest.approx(0)
+    similar = evaluate(pair_frames([labels[0]] * 20, [perfect(labels[0])] * 20)).results["Car"]["bev"][2]
+    assert np.ptp(resample(similar, np.random.default_rng(0), 50)[:, 1]) == pytest.approx(0)
 
 
 def test_parts_of_the_objects_add_up_to_the_whole():
     rng = np.random.default_rng(3)
     labels = [objects(rng, 8, ("Car",)) for _ in range(30)]
-    result = evaluate(pair_frames(labels, [perfect(some) for some in labels])).results["Car"]["3d"][2]
+    result = evaluate(pair_frames(labels, [perfect(subset) for subset in labels])).results["Car"]["3d"][2]
     for parts in slices(result, np.full(len(result.task.object_counts), 7)).values():
         assert sum(part.objects for part in parts) == result.task.object_counts.sum()
         assert all(part.ap == pytest.approx(100) for part in parts)

@@ -21,7 +21,7 @@ FRAMES, ROWS = 20, 4
 
 def scene() -> list[Labels]:
     """Cars in a row, far enough from each other, all of them easy."""
-    place = np.column_stack([np.zeros(ROWS), np.full(ROWS, 1.7), np.linspace(8, 26, ROWS)])
+    position = np.column_stack([np.zeros(ROWS), np.full(ROWS, 1.7), np.linspace(8, 26, ROWS)])
     cars = Labels(
         ("Car",) * ROWS,
         np.zeros(ROWS),
@@ -29,7 +29,7 @@ def scene() -> list[Labels]:
         np.zeros(ROWS),
         np.tile([500.0, 150.0, 600.0, 250.0], (ROWS, 1)),
         np.tile([1.5, 1.6, 3.9], (ROWS, 1)),
-        place,
+        position,
         np.full(ROWS, 1.57),
     )
     return [cars] * FRAMES
@@ -113,7 +113,7 @@ def test_a_second_surer_box_of_a_car_is_a_duplicate():
 def test_shares_add_up_and_corrections_never_reduce_ap():
     rng = np.random.default_rng(4)
     labels = [objects(rng, 9) for _ in range(12)]
-    found = [as_detections(rng, some, 0.25, ties=False) for some in labels]
+    found = [as_detections(rng, subset, 0.25, ties=False) for subset in labels]
     for metric in ("3d", "bev"):
         lost = split(labels, found, metric)
         assert set(lost.share) == {*BOX_PARTS[metric], *OTHER_KINDS}
@@ -125,8 +125,8 @@ def test_boxes_are_measured_along_and_across_the_line_of_sight():
     found = moved(perfect(scene()[0]), slice(0, 4), location=[-0.1, -0.3, 0.2], dimensions=[0, 0.05, -0.4])
     faults = find_faults(pair_frames(scene(), [found] * FRAMES), "Car", "3d")
     whole = box_errors(faults)[0]
-    told = [whole.median[part] for part in ("away_m", "aside_m", "height_m", "length_m", "width_m")]
-    assert told == pytest.approx([0.2, 0.1, 0.3, -0.4, 0.05]) and whole.objects == FRAMES * ROWS
+    report = [whole.median[part] for part in ("away_m", "aside_m", "height_m", "length_m", "width_m")]
+    assert report == pytest.approx([0.2, 0.1, 0.3, -0.4, 0.05]) and whole.objects == FRAMES * ROWS
     assert max(whole.spread.values()) == pytest.approx(0, abs=1e-9)
 
 
@@ -163,11 +163,11 @@ def run(folder, *more: object) -> int:
 
 def test_two_detectors_are_compared(folders, capsys):
     assert run(folders, "--against", folders / "half", "--out", folders / "page", "--json", folders / "it.json") == 0
-    said = json.loads((folders / "it.json").read_text())
-    high, half = said["sets"]
+    message = json.loads((folders / "it.json").read_text())
+    high, half = message["sets"]
     assert high["3d"]["kinds"]["height"]["share"] == pytest.approx(100 - high["3d"]["ap"])
     assert half["3d"]["kinds"]["misses"]["share"] == pytest.approx(50)
-    assert said["difference"]["3d"]["misses"]["difference"] == pytest.approx(-50)
+    assert message["difference"]["3d"]["misses"]["difference"] == pytest.approx(-50)
     assert "lost to height" in capsys.readouterr().out
     assert "first − second" in (folders / "page" / "index.html").read_text()
 

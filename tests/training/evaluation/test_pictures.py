@@ -25,8 +25,8 @@ def drawn(folder: Path, change) -> np.ndarray:
     drive = Drive(folder)
     names = drive.frames[:1]
     labels = [drive[name].labels for name in names]
-    scored = [replace(some, score=np.full(len(some), 0.9)) for some in labels]
-    return draw(pair_frames(labels, [change(some) for some in scored], names), drive, 0)
+    scored = [replace(subset, score=np.full(len(subset), 0.9)) for subset in labels]
+    return draw(pair_frames(labels, [change(subset) for subset in scored], names), drive, 0)
 
 
 def test_what_fits_is_orange_and_what_does_not_is_red(tiny_drive):

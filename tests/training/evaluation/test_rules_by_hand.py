@@ -128,8 +128,8 @@ def test_orientation_counts_by_the_cosine_and_one_missing_alpha_voids_it():
     result = scored([cars()] * _MANY, [turned] * _MANY)["2d"][1]
     assert (result.r40, result.aos40) == (pytest.approx(100), pytest.approx(75))
     unknown = replace(sure(cars(kind="Pedestrian")), alpha=np.array([-10.0]))
-    said = as_json(evaluate(pair_frames([cars()] * _MANY, [turned.followed_by(unknown)] * _MANY)))
-    assert said["Car"]["aos"] is None and said["Car"]["2d"]["R40"][1] == pytest.approx(100)
+    message = as_json(evaluate(pair_frames([cars()] * _MANY, [turned.followed_by(unknown)] * _MANY)))
+    assert message["Car"]["aos"] is None and message["Car"]["2d"]["R40"][1] == pytest.approx(100)
 
 
 @pytest.mark.parametrize("side", ["labels", "detections", "both"])

@@ -32,8 +32,8 @@ def boxes(rng: np.random.Generator, count: int) -> torch.Tensor:
 
 def test_boxes_come_back_from_their_residuals():
     rng = np.random.default_rng(0)
-    some, anchors = boxes(rng, 50), boxes(rng, 50)
-    assert torch.allclose(decode(encode(some, anchors), anchors), some, atol=1e-4)
+    subset, anchors = boxes(rng, 50), boxes(rng, 50)
+    assert torch.allclose(decode(encode(subset, anchors), anchors), subset, atol=1e-4)
 
 
 def test_refining_by_the_exact_residual_gives_the_object_up_to_a_half_turn():
@@ -56,14 +56,14 @@ def test_a_heading_up_to_half_a_turn_and_its_half_give_the_heading(offset):
 
 def test_suppression_keeps_the_surest_of_each_crowd_as_one_by_one_reckoning_does():
     rng = np.random.default_rng(2)
-    some, scores = boxes(rng, 150), torch.tensor(rng.uniform(0, 1, 150))
+    subset, scores = boxes(rng, 150), torch.tensor(rng.uniform(0, 1, 150))
     for limit in (0.01, 0.3, 0.7):
-        table = some.numpy().astype(np.float64)[:, [0, 1, 3, 4, 6]]
+        table = subset.numpy().astype(np.float64)[:, [0, 1, 3, 4, 6]]
         expected: list[int] = []
         for row in np.argsort(-scores.numpy()):
             if all(paired_iou(table[row : row + 1], table[kept : kept + 1])[0] <= limit for kept in expected):
                 expected.append(int(row))
-        assert suppress(some, scores, limit, before=150, after=150).tolist() == expected
+        assert suppress(subset, scores, limit, before=150, after=150).tolist() == expected
 
 
 def test_sparse_convolutions_equal_dense_ones_where_they_answer():

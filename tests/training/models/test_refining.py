@@ -36,7 +36,7 @@ def seen(positions=((12.0, 3.0), (20.0, -6.0))) -> tuple[torch.Tensor, torch.Ten
     boxes = np.array([[x, y, GROUND_M + 0.75, 3.9, 1.6, 1.5, 0.4 + y] for x, y in positions])
     points = np.concatenate([car_points(box, rng) for box in boxes])
     boxes += rng.normal(0, 0.1, boxes.shape)
-    return tuple(torch.tensor(some, dtype=torch.float32) for some in (np.insert(points, 0, 0, axis=1), boxes))
+    return tuple(torch.tensor(subset, dtype=torch.float32) for subset in (np.insert(points, 0, 0, axis=1), boxes))
 
 
 def refined(net: PointRefiner, points: torch.Tensor, boxes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -101,7 +101,7 @@ def test_regions_without_points_and_frames_without_regions_are_no_trouble(refine
 
 
 def test_half_of_the_regions_are_on_objects_and_none_is_only_on_an_ignored_one():
-    points, boxes = (some.numpy() for some in seen())
+    points, boxes = (subset.numpy() for subset in seen())
     class_ids = np.array([0, IGNORED])
     batch = collate(
         [
@@ -140,10 +140,10 @@ def test_intensities_have_no_influence_on_a_detector_without_them():
     sample = TrainingSample("cars", points[:, 1:].numpy(), boxes.numpy(), np.zeros(len(boxes), np.int64))
     bright = replace(sample, points=sample.points * np.float32([1, 1, 1, 0]) + np.float32([0, 0, 0, 0.7]))
     found = {}
-    for told in (False, True):
+    for report in (False, True):
         torch.manual_seed(0)
-        detector = build_detector(ModelSettings.model_validate({**_TINY, "intensity": told}), ("Car",)).eval()
-        found[told] = [detector.detect(collate([some]), 0.0)[0].scores for some in (sample, bright)]
+        detector = build_detector(ModelSettings.model_validate({**_TINY, "intensity": report}), ("Car",)).eval()
+        found[report] = [detector.detect(collate([subset]), 0.0)[0].scores for subset in (sample, bright)]
     assert len(found[False][0]) and np.array_equal(*found[False])
     assert len(found[True][0]) != len(found[True][1]) or not np.allclose(*found[True])
     assert not ModelSettings().intensity and ModelSettings(name="pointpillars").intensity
@@ -155,5 +155,5 @@ def test_an_old_checkpoint_without_the_key_uses_intensities(tmp_path):
     content = torch.load(tmp_path / "a.pt")
     del content["model"]["intensity"]
     torch.save(content, tmp_path / "b.pt")
-    told = [load_detector(tmp_path / name)[0].settings.intensity for name in ("a.pt", "b.pt")]
-    assert told == [False, True]
+    report = [load_detector(tmp_path / name)[0].settings.intensity for name in ("a.pt", "b.pt")]
+    assert report == [False, True]

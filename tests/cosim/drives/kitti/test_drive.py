@@ -42,9 +42,9 @@ def test_a_measured_drive_needs_scans_and_calibration_only(drive_root: Path, tmp
     assert drive.kind == "measured"
     assert drive["000000"].rays.recovered
     assert np.allclose(drive["000000"].rays.azimuth, np.linspace(3, -3, 50))
-    said = "\n".join(drive.missing)
+    message = "\n".join(drive.missing)
     for part in ("rays/", "image_0/", "label_2/", "oxts/", "twin/frames/", "static", "pattern", "sweep_s"):
-        assert part in said
+        assert part in message
     with pytest.raises(DriveError, match=r"no label_2/000000\.txt; add it, or leave out what needs label_2/"):
         _ = drive["000000"].labels
     with pytest.raises(DriveError, match=r"no static world at twin/static\.glb or twin/static"):

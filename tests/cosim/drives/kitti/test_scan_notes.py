@@ -33,11 +33,11 @@ def test_broken_points_dark_scans_and_empty_ones_are_counted(drive_root: Path) -
     dark = _points(drive_root, "000002")
     dark[:, 3] = 0
     dark.tofile(drive_root / "velodyne/000002.bin")
-    said = Drive(drive_root).notes()
-    assert "3 points hold NaN or infinity: left out" in said
-    assert "1 of 3 scans hold no point" in said
-    assert any("intensities are absent or all zero in 1 of 3 scans" in note for note in said)
-    assert any(note.startswith("rays/ is absent") for note in said)
+    message = Drive(drive_root).notes()
+    assert "3 points hold NaN or infinity: left out" in message
+    assert "1 of 3 scans hold no point" in message
+    assert any("intensities are absent or all zero in 1 of 3 scans" in note for note in message)
+    assert any(note.startswith("rays/ is absent") for note in message)
     assert not Drive(drive_root)["000002"].has_intensity
     assert Drive(drive_root)["000000"].has_intensity
     assert any("1 of 1 scans" in note for note in Drive(drive_root).notes(["000002"]))

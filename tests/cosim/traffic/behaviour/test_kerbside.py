@@ -76,9 +76,9 @@ def test_those_of_the_reference_stand_three_to_six_metres_apart_in_their_bays():
     for row, lane in zip(parked.rows, parked.lanes, strict=True):
         at = lane.project(parked.actors.front[row, :2])[0]
         by_lane.setdefault(lane.id, []).append((at, float(parked.actors.size[row, 0])))
-    for some in by_lane.values():
-        some.sort()
-        gaps += [ahead - length - behind for (behind, _), (ahead, length) in pairwise(some)]
+    for subset in by_lane.values():
+        subset.sort()
+        gaps += [ahead - length - behind for (behind, _), (ahead, length) in pairwise(subset)]
     gaps = np.array(gaps)
     assert gaps.min() > 2.9
     assert np.mean(gaps < 6.1) > 0.5  # the rest are driveways

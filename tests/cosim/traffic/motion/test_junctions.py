@@ -51,8 +51,8 @@ class Course:
         """The place (2,) after some way; both ends go on straight."""
         over = max(way_m - self._way[-1], 0.0) + min(way_m, 0.0)
         end = self.line[-1] - self.line[-2] if over > 0 else self.line[1] - self.line[0]
-        place = np.array([np.interp(way_m, self._way, self.line[:, i]) for i in (0, 1)])
-        return place + over * end / np.linalg.norm(end)
+        position = np.array([np.interp(way_m, self._way, self.line[:, i]) for i in (0, 1)])
+        return position + over * end / np.linalg.norm(end)
 
     @property
     def seconds(self) -> float:

@@ -78,6 +78,6 @@ def test_a_busy_town_moves_like_a_real_one(town):
     inspector, events, teleports, _ = live(2400, BUSY, town=town)
     assert inspector.steps >= 120_000
     check(inspector, events, teleports)
-    kinds = Counter(event.kind for event in events)
-    assert not {kind for kind in DRAWN if not kinds[kind]}
-    assert kinds["contact"] == 0
+    types = Counter(event.kind for event in events)
+    assert not {kind for kind in DRAWN if not types[kind]}
+    assert types["contact"] == 0

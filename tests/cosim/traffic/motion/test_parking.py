@@ -23,8 +23,8 @@ def neighbours(length_m: float, ahead_m: float, behind_m: float) -> np.ndarray:
 def back_in(length_m: float, ahead_m: float, behind_m: float, askew_rad: float = 0.0) -> Script | None:
     """A script in axes at its start."""
     boxes, size = neighbours(length_m, ahead_m, behind_m), np.array([length_m, 1.7, 1.5])
-    place = np.array([PLACE_M, ASIDE_M])
-    return plan_backing_in(np.zeros(2), 0.0, "car", size, place, askew_rad, boxes, 0.15, STEP_S)
+    position = np.array([PLACE_M, ASIDE_M])
+    return plan_backing_in(np.zeros(2), 0.0, "car", size, position, askew_rad, boxes, 0.15, STEP_S)
 
 
 LENGTHS, GAPS, ASKEW = st.floats(3.0, 5.0), st.floats(2.5, 4.0), st.floats(-0.06, 0.06)
