@@ -184,10 +184,10 @@ def load_rig(name_or_path: str | Path) -> Rig:
         rig = Rig.model_validate(values)
     except ValidationError as error:
         raise SensorError(f"rig {text}: {first_problem(error)}") from error
-    return rig if built_in else _beside(rig, Path(text).parent)
+    return rig if built_in else _relative_to_file(rig, Path(text).parent)
 
 
-def _beside(rig: Rig, folder: Path) -> Rig:
+def _relative_to_file(rig: Rig, folder: Path) -> Rig:
     """The rig with paths of sensor files relative to its own file."""
     found = [
         one.model_copy(update={"sensor": str(folder / one.sensor)})

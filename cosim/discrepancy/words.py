@@ -11,7 +11,7 @@ import numpy as np
 from cosim.discrepancy.quantities import channel_words, covariate_words, dependence_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import UnknownEffect
-from cosim.report.phrases import as_sure, listed
+from cosim.report.phrases import listed, round_with_error
 from sensors.effects.base import Effect, Parameter
 from sensors.effects.registry import effect_classes
 
@@ -85,7 +85,7 @@ class Vocabulary:
         factor, unit = _shown_in(unit, float(np.abs(size).max()))
         if interval is None:
             return f"{factor * value:.3g}{_tail(unit)}"
-        number, half = as_sure(factor * value, factor * (interval[1] - interval[0]) / 2)
+        number, half = round_with_error(factor * value, factor * (interval[1] - interval[0]) / 2)
         return f"{number}{_tail(unit)} ± {half}"
 
     def _list(self, effect: str, name: str, values: np.ndarray, interval: Any) -> str:

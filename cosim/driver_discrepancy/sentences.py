@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS
 from cosim.driver_discrepancy.diagnosis import TrafficDiagnosis, TrafficFinding
-from cosim.report.phrases import as_sure, p_words
+from cosim.report.phrases import p_words, round_with_error
 
 _NEEDED = ("speeding", "short_gap", "lane_offset")
 
@@ -48,7 +48,7 @@ def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
     if name not in one.ci95:
         return quantity(one.behaviour, name, value), ""
     low, high = one.ci95[name]
-    message, half = as_sure(value, (high - low) / 2)
+    message, half = round_with_error(value, (high - low) / 2)
     return f"{message}{_unit(one.behaviour, name)}", half
 
 

@@ -26,7 +26,7 @@ def listed(names: Sequence[str], word: str = "and") -> str:
     return kind(f" {word} ").join([kind(", ").join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def as_sure(value: float, half: float) -> tuple[str, str]:
+def round_with_error(value: float, half: float) -> tuple[str, str]:
     """Format a value and half its interval, both rounded to the second significant digit of the latter."""
     if 0 < half < _TINY:
         return f"{value:.6g}", f"{half:.1g}"

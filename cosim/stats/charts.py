@@ -205,7 +205,7 @@ def _classes(sets: Sets) -> Chart:
     plot = Plot(Axis(-0.5, len(names) - 0.5, names=names), Axis(0, top, "objects a frame"), "classes", width=1140)
     for row, (style, value, found) in enumerate(zip(_styles(sets), values, sets, strict=True)):
         words = [f"{found.classes[name]:,}" for name in names]
-        plot.bars(_beside(len(names), row, len(sets)), value, 0.7 / len(sets), style, words)
+        plot.bars(_side_by_side(len(names), row, len(sets)), value, 0.7 / len(sets), style, words)
     return Chart("Classes", "Height: objects a labelled frame; numbers: objects.", plot.svg(), "wide")
 
 
@@ -218,7 +218,7 @@ def _shares(
         number = counts(found.focus)[1]
         share = number / max(len(found.focus), 1)
         words = [f"{value:.0%}" for value in share]
-        plot.bars(_beside(len(names), row, len(sets)), share, 0.7 / len(sets), style, words)
+        plot.bars(_side_by_side(len(names), row, len(sets)), share, 0.7 / len(sets), style, words)
     return Chart(title, f"{text[0].upper()}{text[1:]}.", plot.svg())
 
 
@@ -280,7 +280,7 @@ def _histogram(
     return Chart(title, text, plot.svg())
 
 
-def _beside(groups: int, row: int, rows: int) -> np.ndarray:
+def _side_by_side(groups: int, row: int, rows: int) -> np.ndarray:
     return np.arange(groups) + (row - (rows - 1) / 2) * 0.7 / rows
 
 

@@ -197,11 +197,11 @@ def line(case: Case, answer: Answer) -> str:
     words = [f"{case.name:22s}", "right" if right else "WRONG", f"{answer.cpu_s:6.0f} s", ", ".join(names) or "nothing"]
     for one in answer.found:
         if one["effect"] in case.effects:
-            words.append(_beside(case.effects[one["effect"]], one))
+            words.append(_compared(case.effects[one["effect"]], one))
     return "  ".join([*words, f"shapes {answer.shapes}" if answer.shapes else "", f"left {len(answer.unexplained)}"])
 
 
-def _beside(true: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+def _compared(true: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     message = []
     for name, value in true.items():
         report = result["params"].get(name)

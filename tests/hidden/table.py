@@ -85,11 +85,11 @@ def _unseen() -> list[_Line]:
     lines = []
     visible = [("one or two at once", _MAIN, ""), *((f"one or two at once, {level}", _MAIN, level) for level in LEVELS)]
     for word, groups, level in (*visible, ("simple forms", (FORM,), "")):
-        lines += [_Line(f"unseen, {word}: {item}", target, values) for item, target, values in _asked(groups, level)]
+        lines += [_Line(f"unseen, {word}: {item}", target, values) for item, target, values in _criteria(groups, level)]
     return lines
 
 
-def _asked(groups: tuple[str, ...], level: str) -> list[tuple[str, str, Values]]:
+def _criteria(groups: tuple[str, ...], level: str) -> list[tuple[str, str, Values]]:
     """Criteria for unseen effects: words, target, values."""
     return [
         ("reported or listed", "≥ 0.95", _of(groups, "reported_or_listed", level, 0)),
@@ -158,7 +158,7 @@ def _costs() -> list[_Line]:
 
 def _print_types(name: str, rows: Sequence[Row]) -> None:
     """A line per kind of unseen effect, for one version."""
-    items = _asked(UNSEEN_GROUPS, "")
+    items = _criteria(UNSEEN_GROUPS, "")
     types = sorted({kind for row in rows if row["group"] in UNSEEN_GROUPS for kind in row["kinds"]})
     print(f"\n{name[-26:]:26s} {'cases':>5s}" + "".join(f" {item:>20s}" for item, _, _ in items))
     for kind in types:

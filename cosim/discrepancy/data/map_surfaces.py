@@ -130,26 +130,28 @@ class MapSurfaces(SurfelMap):
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
         return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
-    def sample(self, looks: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    def sample(self, observations: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Sample rows of surfaces with `count` observations in total, if possible half of them on horizontal surfaces.
 
         Sampling probabilities are proportional to the log ratio of the largest to the smallest range of observation.
 
         Args:
-            looks: (m,) observations of each surface; surfaces with fewer than two are not sampled.
+            observations: (m,) observations of each surface; surfaces with fewer than two are not sampled.
             count: total number of observations.
             rng: random generator.
         """
         log_ratio = np.log(np.maximum(self.range_m[:, 1], 1.0) / np.maximum(self.range_m[:, 0], 0.5))
-        log_ratio = np.where(looks > 1, np.maximum(log_ratio, 1e-3), 0.0)
+        log_ratio = np.where(observations > 1, np.maximum(log_ratio, 1e-3), 0.0)
         keys = np.where(log_ratio > 0, rng.random(len(log_ratio)) ** (1 / np.maximum(log_ratio, 1e-3)), -1.0)
         order = np.argsort(-keys, kind="stable")[: np.count_nonzero(log_ratio)]
         is_flat = np.abs(self.normal[order, 2]) > self.settings.level
-        rank = np.where(is_flat, *(_cumulative_share(looks[order], mask, count / 2) for mask in (is_flat, ~is_flat)))
+        rank = np.where(
+            is_flat, *(_cumulative_share(observations[order], mask, count / 2) for mask in (is_flat, ~is_flat))
+        )
         order = order[np.argsort(rank, kind="stable")]
-        return order[np.cumsum(looks[order]) <= count]
+        return order[np.cumsum(observations[order]) <= count]
 
 
-def _cumulative_share(looks: np.ndarray, mask: np.ndarray, count: float) -> np.ndarray:
+def _cumulative_share(observations: np.ndarray, mask: np.ndarray, count: float) -> np.ndarray:
     """(m,) cumulative observations of the masked surfaces, relative to `count`."""
-    return np.cumsum(np.where(mask, looks, 0)) / count
+    return np.cumsum(np.where(mask, observations, 0)) / count

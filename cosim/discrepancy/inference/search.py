@@ -252,16 +252,16 @@ def crowded_sector(sample: Sample, residuals: Residuals, by: Search = DEFAULT.se
     spurious_per_m = sample.returned & sample.clear & (residuals.matched < 0.5)
     if not spurious_per_m.any():
         return {AZIMUTH: 0.0, WIDTH: 360.0}
-    strays, beams = (
+    spurious, beams = (
         _CumulativeWeight(turn[spurious_per_m], sample.weight[spurious_per_m]),
         _CumulativeWeight(turn, sample.weight),
     )
     grid = np.arange(by.edges) * 360 / by.edges
-    start, end = _best_sector(strays, beams, grid, grid, by)
+    start, end = _best_sector(spurious, beams, grid, grid, by)
     for _ in range(2):
         aside = np.linspace(-1.5, 1.5, by.fine + 1) * 360 / by.edges
-        start, _ = _best_sector(strays, beams, start + aside, np.array([end]), by)
-        _, end = _best_sector(strays, beams, np.array([start]), end + aside, by)
+        start, _ = _best_sector(spurious, beams, start + aside, np.array([end]), by)
+        _, end = _best_sector(spurious, beams, np.array([start]), end + aside, by)
     width = (end - start) % 360
     middle = (start + width / 2 + 180) % 360 - 180
     return {AZIMUTH: float(middle), WIDTH: float(width)}
@@ -282,9 +282,9 @@ class _CumulativeWeight:
 
 
 def _best_sector(
-    strays: _CumulativeWeight, beams: _CumulativeWeight, starts: np.ndarray, ends: np.ndarray, by: Search
+    spurious: _CumulativeWeight, beams: _CumulativeWeight, starts: np.ndarray, ends: np.ndarray, by: Search
 ) -> tuple[float, float]:
-    inside, size = (share.between(starts[:, None], ends) for share in (strays, beams))
+    inside, size = (share.between(starts[:, None], ends) for share in (spurious, beams))
     with np.errstate(divide="ignore", invalid="ignore"):
         gain = np.nan_to_num(inside * np.log(inside / size))
         gain += np.nan_to_num((1 - inside) * np.log((1 - inside) / (1 - size)))

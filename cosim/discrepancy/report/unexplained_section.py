@@ -17,7 +17,7 @@ from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
 from cosim.discrepancy.words import UNDETERMINED, table_words
 from cosim.report import button, figure, section, table
 from cosim.report.html import fill
-from cosim.report.phrases import as_sure, p_cell, p_words
+from cosim.report.phrases import p_cell, p_words, round_with_error
 from cosim.report.plot import Axis, Plot
 
 _WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
@@ -109,7 +109,7 @@ def _parameter(name: str, value: float, unknown: UnknownEffect) -> str:
     half = (interval[1] - interval[0]) / 2
     if not np.isfinite(half):
         return f"{name} {UNDETERMINED}"
-    number, error = as_sure(value, half)
+    number, error = round_with_error(value, half)
     return f"{name} {number} ± {error}{unit}".replace("-", "−")
 
 

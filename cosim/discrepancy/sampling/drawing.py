@@ -107,12 +107,12 @@ def _sample_map(
     assert surfaces is not None  # the caller checked it
     usable = [np.flatnonzero(frame.observed.trusted & ~frame.edge) for frame in frames]
     surface = np.concatenate([frame.surface[rows] for frame, rows in zip(frames, usable, strict=True)])
-    most, looks = frames[0].settings.sampling.beams_per_surface, np.bincount(surface, minlength=len(surfaces))
+    most, observations = frames[0].settings.sampling.beams_per_surface, np.bincount(surface, minlength=len(surfaces))
     if for_validation is not None:
-        looks = np.where(surfaces.judge == for_validation, looks, 0)
-    sampled = surfaces.sample(np.minimum(looks, most), count, rng)
+        observations = np.where(surfaces.judge == for_validation, observations, 0)
+    sampled = surfaces.sample(np.minimum(observations, most), count, rng)
     chance = np.zeros(len(surfaces))
-    chance[sampled] = np.minimum(most / looks[sampled] / 2, 1.0)
+    chance[sampled] = np.minimum(most / observations[sampled] / 2, 1.0)
     chosen = []
     for frame, rows in zip(frames, usable, strict=True):
         first = rows[rng.random(len(rows)) < chance[frame.surface[rows]]]

@@ -103,7 +103,7 @@ def prepare(
     notes = check_survey(recording, survey_scans(recording, found.lasers.lines), accepted)
     segments = segments_of(len(recording), recording.settings.segment_scans)
     kept = Kept(folder, "path", about(recording, beams.sweep_s), partial(_path, recording, beams.sweep_s))
-    kept.all_made(segments, engine, lambda done: on_step(told_of("odometry", done, segments)))
+    kept.all_made(segments, engine, lambda done: on_step(report_step("odometry", done, segments)))
     paths = tuple(path_of(kept.read(segment)) for segment in segments)
     on_step("checks of the path")
     for segment, path in zip(segments, paths, strict=True):
@@ -125,7 +125,7 @@ def about(recording: Recording, *things: object) -> str:
     )
 
 
-def told_of(what: str, done: int, segments: tuple[Segment, ...]) -> str:
+def report_step(what: str, done: int, segments: tuple[Segment, ...]) -> str:
     """How far something is."""
     return what if len(segments) == 1 else f"{what}: {done} of {len(segments)} segments"
 

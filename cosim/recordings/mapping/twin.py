@@ -20,7 +20,7 @@ from cosim.recordings.mapping.doubts import frames_of, notes_of
 from cosim.recordings.mapping.drive_files import DriveFiles
 from cosim.recordings.mapping.kept import Arrays, Kept, arrays_of_map
 from cosim.recordings.mapping.odometry import Trajectory
-from cosim.recordings.mapping.prepare import Prepared, about, prepare, told_of
+from cosim.recordings.mapping.prepare import Prepared, about, prepare, report_step
 from cosim.recordings.mapping.segments import Segment
 from cosim.recordings.mapping.sweep import SweepEstimate
 from cosim.recordings.mapping.whole import WholeMap, whole_map
@@ -150,7 +150,7 @@ def write_map_twin(
         OutputError: the folder cannot be used.
     """
     maps = _maps(prepared, kept, effects)
-    maps.all_made(prepared.segments, engine, lambda done: on_step(told_of("map", done, prepared.segments)))
+    maps.all_made(prepared.segments, engine, lambda done: on_step(report_step("map", done, prepared.segments)))
     whole, recording = whole_map(prepared.segments, prepared.paths, maps), prepared.recording
     names = tuple(f"{number:06d}" for number in range(len(recording)))
     fit, held = frames_of(prepared, whole, names)

@@ -52,7 +52,7 @@ class PullIn:
         self._due = 0
         self._backing = BackingIn()
         self._going: dict[str, _Going] = {}
-        self._beside: set[str] = set()  # vehicles that are next to their space already
+        self._next_to_space: set[str] = set()  # vehicles that are next to their space already
         self._fastest: dict[str, float] = {}  # of those who have slowed down [m/s]
 
     def step(self, stage: Stage) -> None:
@@ -68,8 +68,8 @@ class PullIn:
                     stage.record("pull_in", vehicle)
                 self._end(stage, vehicle)
                 continue
-            if vehicle not in self._beside and stage.actors.lanes[row] == going.lot.lane:
-                self._beside.add(vehicle)
+            if vehicle not in self._next_to_space and stage.actors.lanes[row] == going.lot.lane:
+                self._next_to_space.add(vehicle)
                 stage.motion.approach(vehicle, going.approach)
             if vehicle not in self._fastest:
                 self._slow_down(stage, row, going)
@@ -84,7 +84,7 @@ class PullIn:
 
     def _end(self, stage: Stage, vehicle: str) -> None:
         del self._going[vehicle]
-        self._beside.discard(vehicle)
+        self._next_to_space.discard(vehicle)
         stage.busy.discard(vehicle)
         fastest = self._fastest.pop(vehicle, None)
         if fastest is not None and vehicle in stage.rows:
@@ -149,7 +149,7 @@ class PullIn:
         stop = lane.point(lot.end_m)[0]
         aside = -(lane.width_m + stage.roads.right_room(lane.edge)) / 2
         size = actors.size[row]
-        boxes = _beside(lane, stage.boxes_near(stop, vehicle), begin)
+        boxes = _next_to_space(lane, stage.boxes_near(stop, vehicle), begin)
         boxes = boxes[boxes[:, 1] < aside / 2]
         for start, end in _WAYS_M:
             if start > before:
@@ -174,7 +174,7 @@ def _leads_straight(lane: Lane, onward: Lane) -> bool:
     return abs((turn + np.pi) % (2 * np.pi) - np.pi) < _BENDS_RAD
 
 
-def _beside(lane: Lane, boxes: np.ndarray, begin_m: float) -> np.ndarray:
+def _next_to_space(lane: Lane, boxes: np.ndarray, begin_m: float) -> np.ndarray:
     """Boxes (k, 5) in axes that bend with a lane: x along it from a position on, y to the left."""
     turned = np.zeros((len(boxes), 5))
     for row, box in enumerate(boxes):

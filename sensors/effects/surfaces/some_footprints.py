@@ -26,7 +26,7 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     hits, traced = shot.hits, shot.traced
     if traced is None or shot.world is None:
         raise ValueError("the footprint is new rays; measure with trace_and_measure")
-    requested = shot.lasting("footprints", lambda: _Asked(shot))
+    requested = shot.lasting("footprints", lambda: _Request(shot))
     beam, known = requested.beam, requested.known
     every = directions_aside(traced.direction, radius_rad)
     time_s = np.broadcast_to(traced.time_s, len(shot.rays))[beam]
@@ -48,14 +48,14 @@ def ranges_between(shot: Shot, radius_rad: float) -> np.ndarray:
 
     A thin object, such as a post, may be between samples.
     """
-    requested = shot.lasting("footprints", lambda: _Asked(shot))
+    requested = shot.lasting("footprints", lambda: _Request(shot))
     inside = np.flatnonzero(np.array(_PROBED_RAD) < radius_rad)
     found = np.full((len(shot.rays), SAMPLES * len(inside)), np.inf)
     found[requested.beam] = requested.probed[:, : SAMPLES * len(inside)]
     return found
 
 
-class _Asked:
+class _Request:
     """Beams whose footprints are requested, their hits, and hits in the footprints at the sampled radii.
 
     Attributes:
