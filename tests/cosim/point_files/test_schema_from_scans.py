@@ -100,7 +100,7 @@ def times_of(points: np.ndarray, outlier_s: float, count: int) -> np.ndarray:
     return times
 
 
-@pytest.mark.parametrize(("stray_s", "count"), [(0.36, 20), (3.9, 3), (0.5, 60)])
+@pytest.mark.parametrize(("outlier_s", "count"), [(0.36, 20), (3.9, 3), (0.5, 60)])
 def test_time_outliers_are_left_out_and_counted(outlier_s, count, tmp_path):
     for number in range(3):
         points = scan(float(number), number)

@@ -79,7 +79,7 @@ def test_the_page_shows_the_findings(tmp_path: Path) -> None:
     folder = written(tmp_path / "scans", scans(load_pattern("vlp16"), "firings", count=2))
     assert main(["pattern", str(folder), "--out", str(tmp_path / "v.yaml"), "--page", str(tmp_path / "page")]) == 0
     page = (tmp_path / "page/index.html").read_text()
-    for words in ("16 lasers from +15.00° to -15.00°", "1808 firings a turn", "Misfit", "Fan", "Spacing"):
+    for words in ("16 lasers from +15.00° to -15.00°", "1808 firings/turn", "Misfit", "Fan", "Spacing"):
         assert words in page
 
 

@@ -60,7 +60,7 @@ def test_a_drive_without_a_point_is_one_error(drive_root: Path) -> None:
 def test_points_without_intensity_are_read_when_the_drive_says_so(drive_root: Path) -> None:
     points = _points(drive_root, "000000")
     points[:, :3].tofile(drive_root / "velodyne/000000.bin")
-    with pytest.raises(FormatError, match=r"say `columns: 3` in drive\.yaml"):
+    with pytest.raises(FormatError, match=r"state `columns: 3` in drive\.yaml"):
         _ = Drive(drive_root)["000000"].points
     (drive_root / "drive.yaml").write_text("kind: measured\nsweep_s: 0.1\ncolumns: 3\n")
     frame = Drive(drive_root)["000000"]
