@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cosim.driver_discrepancy.summary import Summary
+from cosim.report import figure
 from cosim.report.html import fill
 from cosim.report.plot import Axis, Plot
 
@@ -24,7 +25,7 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
     drawn = [("measured", "a", measured)]
     drawn += [(name, style, runs[0]) for style, (name, runs) in zip("bc", models, strict=False) if runs]
     figures = [_fundamental(drawn), *(_space_time(name, style, one, measured) for name, style, one in drawn)]
-    shown = [figure for figure in figures if figure]
+    shown = [chart for chart in figures if chart]
     if not shown:
         return ""
     words = (
@@ -56,7 +57,7 @@ def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:
     for _, style, one in drawn:
         for density, flow in one.fundamental.tolist():
             plot.line(np.array([density]), np.array([flow]), style, dots=True)
-    return fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg())
+    return figure(title, "", plot.svg())
 
 
 def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:
@@ -71,4 +72,4 @@ def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:
         for part in np.split(rows, cuts):
             if len(part) > 1:
                 plot.line(part[:, 1], np.minimum(part[:, 2], length), style)
-    return fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg())
+    return figure(title, "", plot.svg())

@@ -20,11 +20,11 @@ from cosim.driver_discrepancy.sentences import (
     unexplained_words,
 )
 from cosim.driver_discrepancy.summary import ACCELERATION_BINS, HEADWAY_BINS, LATERAL_BINS, SPEED_BINS, Summary
-from cosim.report.html import document, fill
+from cosim.report import document, facts, figure, section, table
+from cosim.report.html import fill, part
 from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot
 from cosim.report.ranking_table import ranking_section
-from cosim.report.style import STYLE
 
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {
@@ -33,6 +33,7 @@ _CHARTS = {
     "acceleration": ("Accelerations", "acceleration [m/s²]", ACCELERATION_BINS, 1),
     "lateral": ("Lateral positions in the lane", "to the left [m]", LATERAL_BINS, 2),
 }
+_MOST_CONDITIONS = 40
 _LOWEST_SHOWN = 0.002  # share of a bin at which a chart's axis starts
 
 
@@ -72,7 +73,7 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
         _parts(comparison, None),
         _notes(comparison.notes),
     ]
-    return document(f"{config} against {measured}", sections, style=STYLE + _AREAS, generator="cosim traffic-compare")
+    return document(f"{config} against {measured}", sections, style=_AREAS, generator="cosim traffic-compare")
 
 
 def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) -> str:
@@ -103,7 +104,7 @@ def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) ->
             )
         ),
     ]
-    return document(title, sections, style=STYLE + _AREAS, generator="cosim traffic-diagnose")
+    return document(title, sections, style=_AREAS, generator="cosim traffic-diagnose")
 
 
 def _verdict(diagnosis: TrafficDiagnosis) -> str:
@@ -153,12 +154,11 @@ def _next(diagnosis: TrafficDiagnosis, measured: str) -> str:
 def _facts(comparison: TrafficComparison) -> str:
     items = [("Vehicles", f"{len(comparison.measured.ids):,}"), ("Seconds", f"{comparison.measured.seconds:.0f}")]
     items.append(("Simulations", f"{len(comparison.runs)}"))
-    cells = Markup().join(fill("<div><dt>{}</dt><dd>{}</dd></div>", name, value) for name, value in items)
     how = (
         "The error is the mean over channels of the continuous ranked probability score of single vehicles, each "
         "compared with itself in the simulations and divided by the channel’s scale."
     )
-    return fill("<dl>{}</dl><p>{}</p>", cells, how)
+    return fill("{}<p>{}</p>", facts(items), how)
 
 
 def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
@@ -168,23 +168,21 @@ def _groups(before: TrafficComparison, after: TrafficComparison | None) -> str:
     rows = []
     for group, value in first.items():
         then = last.get(group, float("nan"))
-        style = Markup(' class="bad"') if np.isfinite(then) and then > 1.1 * value + 0.02 else ""
-        cell = fill("<td><span{}>{:.3f}</span></td>", style, then) if after is not None else ""
-        cell += fill("<td>{:.3f}</td>", shown.floors.get(group, float("nan")))
-        rows.append(fill("<tr><th>{}</th><td>{:.3f}</td>{}</tr>", group.replace("_", " "), value, cell))
-    rows.append(
-        fill("<tr><th>all channels</th><td>{:.3f}</td>", before.error)
-        + (fill("<td>{:.3f}</td>", after.error) if after is not None else "")
-        + fill("<td>{:.3f}</td></tr>", shown.noise_floor)
+        is_larger = np.isfinite(then) and then > 1.1 * value + 0.02
+        cells = [fill('<span class="bad">{:.3f}</span>', then) if is_larger else f"{then:.3f}"] if after else []
+        rows.append([group.replace("_", " "), f"{value:.3f}", *cells, f"{shown.floors.get(group, float('nan')):.3f}"])
+    of_all = [f"{after.error:.3f}"] if after else []
+    rows.append(["all channels", f"{before.error:.3f}", *of_all, f"{shown.noise_floor:.3f}"])
+    how = Markup(
+        "<p>All vehicles. The noise floor is the error of the model against itself with another seed. Coloured: larger "
+        "than before.</p>"
     )
-    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
-    return fill(
-        "<section><h2>Error by channel</h2><table><thead><tr><th></th>{}<th>noise floor</th></tr></thead>"
-        "<tbody>{}</tbody></table><p>All vehicles. The noise floor is the error of the model against "
-        "itself with another seed. Coloured: larger than before.</p></section>",
-        heads,
-        Markup().join(rows),
-    )
+    return section("Error by channel", table(["", *_models(after), "noise floor"], rows), how)
+
+
+def _models(after: object | None) -> list[str]:
+    """Column headings of the models."""
+    return ["model"] if after is None else ["model as given", "improved"]
 
 
 def _falls(diagnosis: TrafficDiagnosis) -> str:
@@ -291,7 +289,7 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
         plot = Plot(Axis(float(edges[low]), float(edges[high]), label), Axis(0, top, "share", percent=True), title)
         for style, curve in curves:
             plot.steps(edges[low : high + 1], curve[low:high], style, filled=style == "a")
-        figures.append(fill("<figure><figcaption><h3>{}</h3></figcaption>{}</figure>", title, plot.svg()))
+        figures.append(figure(title, "", plot.svg()))
     names = ["measured", *(name for name, _ in models)]
     legend = Markup().join(
         fill('<span><i style="background:var(--{})"></i> {}</span>', style, name)
@@ -320,25 +318,18 @@ def _statistics(before: Sequence[StatisticRow], after: Sequence[StatisticRow] | 
     rows = []
     for number, row in enumerate(before):
         then = after[number] if after is not None else None
-        cells = Markup().join(fill("<td>{}</td>", _marked(one)) for one in (row, then) if one is not None)
         rows.append(
-            fill(
-                "<tr><th>{}</th><td>{}</td>{}<td>{}</td><td class=words>{}</td></tr>",
+            [
                 _words(row),
                 _value(row, row.measured),
-                cells,
+                *(_marked(one) for one in (row, then) if one is not None),
                 _value(row, row.sigma),
                 ", ".join(shows.get(row.name, [])),
-            )
+            ]
         )
-    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
-    return fill(
-        "<section><h2>Channels</h2><table><thead><tr><th></th><th>measured</th>{}<th>1 σ by chance</th>"
-        "<th class=words>shows</th></tr></thead><tbody>{}</tbody></table><p>Coloured: differs "
-        "significantly, 5 % family-wise.</p></section>",
-        heads,
-        Markup().join(rows),
-    )
+    heads = ["", "measured", *_models(after), "1 σ by chance", "shows"]
+    how = Markup("<p>Coloured: differs significantly, 5 % family-wise.</p>")
+    return section("Channels", table(heads, rows, words=(len(heads) - 1,)), how)
 
 
 def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
@@ -349,18 +340,12 @@ def _parts(before: TrafficComparison, after: TrafficComparison | None) -> str:
         later = then.get((row.name, row.condition, row.level))
         if row.p_value > 0.05 and (later is None or later.p_value > 0.05):
             continue
-        cells = Markup().join(fill("<td>{}</td>", _marked(one)) for one in (row, later) if one is not None)
-        cells += Markup("<td>–</td>") if after is not None and later is None else ""
-        position = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
-        rows.append(fill("<tr><th>{}</th><td>{}</td>{}</tr>", position, _value(row, row.measured), cells))
-    if not rows:
-        return ""
-    heads = Markup("<th>model</th>") if after is None else Markup("<th>model as given</th><th>improved</th>")
-    return fill(
-        "<section><h2>Conditions under which channels differ</h2><table><thead><tr><th></th><th>"
-        "measured</th>{}</tr></thead><tbody>{}</tbody></table></section>",
-        heads,
-        Markup().join(rows[:40]),
+        cells = [_marked(one) for one in (row, later) if one is not None]
+        cells += ["–"] if after is not None and later is None else []
+        condition = f"{CHANNELS[row.name].words}; {row.condition}: {row.level}"
+        rows.append([condition, _value(row, row.measured), *cells])
+    return section(
+        "Conditions under which channels differ", table(["", "measured", *_models(after)], rows[:_MOST_CONDITIONS])
     )
 
 
@@ -388,23 +373,16 @@ def _ranking(diagnosis: TrafficDiagnosis) -> str:
 
 
 def _smallest(diagnosis: TrafficDiagnosis) -> str:
-    if not diagnosis.smallest_detectable:
-        return ""
-    rows = Markup().join(
-        fill("<tr><th>{}</th><td>{}</td><td>± {}</td></tr>", name, knob, quantity(name, knob, value))
+    rows = [
+        [name, knob, f"± {quantity(name, knob, value)}"]
         for name, values in diagnosis.smallest_detectable.items()
         for knob, value in values.items()
-    )
-    return fill(
-        "<section><h2>Smallest detectable changes</h2><p>With 80 % power in this recording, from the "
-        "current model now.</p><table><thead><tr><th></th><th></th><th>from</th></tr></thead><tbody>"
-        "{}</tbody></table></section>",
-        rows,
-    )
+    ]
+    text = "With 80 % power in this recording, for the current model."
+    return section("Smallest detectable changes", table(["", "", "from"], rows), text=text)
 
 
 def _notes(notes: Sequence[str]) -> str:
     if not notes:
         return ""
-    items = Markup().join(fill("<li>{}</li>", note) for note in notes)
-    return fill('<section class="plain"><ul class="notes">{}</ul></section>', items)
+    return fill('<section class="plain">{}</section>', part("notes", notes))

@@ -8,7 +8,8 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from cosim.report.html import document, fill
+from cosim.report import document, facts
+from cosim.report.html import fill
 from cosim.view.captions import Caption
 
 GENERATOR = "cosim view"
@@ -82,17 +83,12 @@ class Page:
 def format_page(page: Page) -> str:
     """The HTML text of a page."""
     body = [
-        fill("<header><h1>{}</h1>{}</header>", page.title, _facts(page.facts)),
+        fill("<header><h1>{}</h1>{}</header>", page.title, facts(page.facts)),
         _overview(page.overview),
         *(_section(frame) for frame in page.frames),
         _notes(page.notes),
     ]
     return document(page.title, body, style=_STYLE, generator=GENERATOR)
-
-
-def _facts(facts: Sequence[tuple[str, str]]) -> str:
-    cells = Markup().join(fill("<div><dt>{}</dt><dd>{}</dd></div>", name, value) for name, value in facts)
-    return fill("<dl>{}</dl>", cells)
 
 
 def _overview(thumbnails: Sequence[Thumbnail]) -> str:
@@ -127,7 +123,7 @@ def _section(frame: FrameSection) -> str:
         '<section id="{}"><h2>Frame {}</h2>{}<div class="pictures">\n{}\n</div>{}</section>',
         _anchor(frame.name),
         frame.name,
-        _facts(frame.facts),
+        facts(frame.facts),
         figures,
         absent,
     )

@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from cosim.report.html import document, fill
 from cosim.report.plot import Axis, Plot
-from cosim.report.style import STYLE
 from training.evaluation.as_json import Intervals
 from training.evaluation.evaluate import Evaluation, Result
 from training.evaluation.pictures import CAPTION
@@ -66,7 +65,7 @@ def format_page(
                 figures,
             )
         )
-    return document(title, sections, style=STYLE + _STYLE, generator="cosim evaluate")
+    return document(title, sections, style=_STYLE, generator="cosim evaluate")
 
 
 def pr_plot(results: Sequence[tuple[str, Result]], title: str) -> str:

@@ -13,7 +13,6 @@ from markupsafe import Markup
 from cosim.drives.kitti import Drive
 from cosim.drives.writer import explained
 from cosim.report.html import document, fill
-from cosim.report.style import STYLE
 from training.evaluation import evaluate, read_results
 from training.evaluation.page import pr_plot
 from training.evaluation.pictures import CAPTION, detection_pictures
@@ -91,7 +90,7 @@ def format_page(table: ExperimentTable, rows: Sequence[ExperimentRow], folder: P
     )
     compared = [_format_comparisons(_GAINS, gains(rows)), _format_comparisons(_DIFFERENCES, differences(rows))]
     details = [_format_details(table, row, folder) for row in rows if row.scores is not None]
-    return document(table.title, [result, *compared, *details], style=STYLE + _STYLE, generator="cosim experiment")
+    return document(table.title, [result, *compared, *details], style=_STYLE, generator="cosim experiment")
 
 
 def _tested_on(rows: Sequence[ExperimentRow]) -> str:

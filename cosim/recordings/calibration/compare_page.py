@@ -67,7 +67,7 @@ def _facts(drives: Drives) -> str:
     for name, one in zip(drives.names[1:], drives.directions, strict=True):
         if one is not None:
             items.append((f"Ray direction, {name}", f"{one.mean_deg:.4f}° mean, {one.max_deg:.4f}° largest"))
-    return facts([(name, value) for name, value in items])
+    return facts(items)
 
 
 def _differences(drives: Drives) -> str:
