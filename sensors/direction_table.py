@@ -206,12 +206,12 @@ def tabulated(values: dict[str, Any], folder: Path | None) -> dict[str, Any]:
         name = Path(str(values.pop("directions")))
         values["table"] = read_table(name if name.is_absolute() or folder is None else folder / name)
     elif "rosette" in values:
-        message = values.pop("rosette")
-        values["table"] = rosette(_of(message, "prisms"), _of(message, "beams_per_s"), sweep_s)
+        settings = values.pop("rosette")
+        values["table"] = rosette(_of(settings, "prisms"), _of(settings, "beams_per_s"), sweep_s)
     elif "raster" in values:
-        message = values.pop("raster")
+        settings = values.pop("raster")
         values["table"] = raster(
-            _of(message, "span_deg"), _of(message, "columns"), _of(message, "elevation_deg"), sweep_s
+            _of(settings, "span_deg"), _of(settings, "columns"), _of(settings, "elevation_deg"), sweep_s
         )
     return values
 

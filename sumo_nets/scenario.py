@@ -106,8 +106,8 @@ def read_scenario(config: Path) -> Scenario:
         if option.name in _XML_INPUTS:
             files[option.name] = files.get(option.name, ()) + _xml_files(option.name, value, config, cleaning)
         elif option.section in _SECTIONS_LEFT_OUT or (option.is_file and option.name not in _OTHER_INPUTS):
-            message = (option.is_file and option.section != "gui_only") or option.name in _SAID
-            if message and value.lower() not in _FALSE:
+            is_noted = (option.is_file and option.section != "gui_only") or option.name in _SAID
+            if is_noted and value.lower() not in _FALSE:
                 cleaning.left_out.append(name)
         else:
             options[option.name] = _absolute(value, config, cleaning, name) if option.is_file else value

@@ -41,9 +41,9 @@ def subcommands(parser: argparse.ArgumentParser) -> Iterable[tuple[str, str, arg
     """Name, one-line help and parser of each command."""
     for group in parser._actions:
         if isinstance(group, argparse._SubParsersAction):
-            message = {choice.dest: choice.help or "" for choice in group._choices_actions}
+            help_texts = {choice.dest: choice.help or "" for choice in group._choices_actions}
             for name, command in group.choices.items():
-                yield name, message.get(name, ""), command
+                yield name, help_texts.get(name, ""), command
 
 
 def arguments(command: argparse.ArgumentParser) -> list[argparse.Action]:

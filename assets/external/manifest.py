@@ -101,8 +101,8 @@ def read_manifest(folder: Path) -> tuple[VehicleEntry, ...]:
 
 def _fault(error: ValidationError) -> str:
     fault = error.errors()[0]
-    row, *position = fault["loc"]
-    where = " → ".join([f"entry {int(row) + 1}", *map(str, position)])
+    row, *location = fault["loc"]
+    where = " → ".join([f"entry {int(row) + 1}", *map(str, location)])
     if fault["type"] == "extra_forbidden":
         return f"{where}: unknown key; known are {', '.join(VehicleEntry.model_fields)}"
     message = fault["msg"].removeprefix("Value error, ")

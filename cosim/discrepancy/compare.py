@@ -95,9 +95,9 @@ class SliceTally:
             ("drop", clear, outcome, scores.brier),
         ):
             used = np.flatnonzero(rows)
-            keys, position = np.unique(key[used], return_inverse=True)
+            keys, index = np.unique(key[used], return_inverse=True)
             own, cost = values[used].astype(np.float64), score[used].astype(np.float64)
-            columns = (np.bincount(position, w) for w in (np.ones(len(used)), own, own**2, np.nan_to_num(cost)))
+            columns = (np.bincount(index, w) for w in (np.ones(len(used)), own, own**2, np.nan_to_num(cost)))
             for row, code in zip(np.stack(list(columns), 1), keys.tolist(), strict=True):
                 self._sums[channel][(code // 8 // _BANDS, code // 8 % _BANDS, code % 8)] += row
 

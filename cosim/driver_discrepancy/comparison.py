@@ -179,9 +179,9 @@ def _rows(
     at: dict[SummaryColumn, int] = {column: number for number, column in enumerate(evidence.columns)}
     rows = []
     for number, column in enumerate(measured.columns):
-        position = at.get(column)
-        sigma = CHANNELS[column.channel].scale if position is None else float(evidence.sigma[position])
-        p_value = float("nan") if position is None else float(significance.p_values[position])
+        index = at.get(column)
+        sigma = CHANNELS[column.channel].scale if index is None else float(evidence.sigma[index])
+        p_value = float("nan") if index is None else float(significance.p_values[index])
         values = float(own[number]), float(mean[number])
         rows.append(StatisticRow(column.channel, column.condition, column.level, *values, sigma, p_value))
     return rows

@@ -98,8 +98,8 @@ def condition_codes(
     street = np.array([row.get(name, -1) for name in names] + [-1], int)[edge]
     lane = placed.of_lane(lambda _, one: -1.0 if one.inside else min(one.index, 2))
     elapsed = (tracks.time_s - frame.begin_s) / max(frame.seconds, 1e-9)
-    types = {name: at for at, name in enumerate(frame.classes)}
-    kind = np.array([types.get(name, -1) for name in kind_of(tracks, placed.network)], int)[tracks.vehicle]
+    index_of = {name: at for at, name in enumerate(frame.classes)}
+    kind = np.array([index_of.get(name, -1) for name in kind_of(tracks, placed.network)], int)[tracks.vehicle]
     signalled = frame.phases.signalled(placed.network)
     lights = placed.of_lane(lambda name, _: float(name in signalled)) > 0
     density = densities(placed)

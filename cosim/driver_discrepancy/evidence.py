@@ -78,8 +78,8 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     own_sums, own_weights = measured.rows(ids)
     sums, weights = (np.stack(parts) for parts in zip(*(run.rows(ids) for run in runs), strict=True))
     total, totals = own_weights.sum(0), weights.sum(1)
-    report = _shown(columns, own_sums, own_weights, sums, weights, by)
-    at = np.flatnonzero(report)
+    shown = _shown(columns, own_sums, own_weights, sums, weights, by)
+    at = np.flatnonzero(shown)
     value = own_sums.sum(0)[at] / total[at]
     values = sums.sum(1)[:, at] / totals[:, at]
     mean, count = values.mean(0), len(runs)
@@ -119,11 +119,11 @@ def find_significance(
         by: numbers that decide.
         families: among which the level is divided in equal parts.
     """
-    types, draws = len(evidence.columns), by.gate.draws
-    if not types:
+    columns, draws = len(evidence.columns), by.gate.draws
+    if not columns:
         return Significance(np.zeros(0), np.zeros(0))
     drawn = _null(evidence, rng, by)
-    p_values, critical = np.ones(types), np.full(types, np.inf)
+    p_values, critical = np.ones(columns), np.full(columns, np.inf)
     whole = np.array([column.is_whole for column in evidence.columns], bool)
     for family in (whole, ~whole):
         if not family.any():
@@ -187,11 +187,11 @@ def _null(evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettin
     Signs of whole vehicles are flipped, which keeps the correlations of columns; a share of independent draws and
     Student's tails are added.
     """
-    types, draws = len(evidence.columns), by.gate.draws
+    columns, draws = len(evidence.columns), by.gate.draws
     size = np.sqrt(np.maximum((evidence.clusters**2).sum(0), 1e-12))
     signs = rng.choice(np.array([-1.0, 1.0]), (draws, len(evidence.clusters)))
     drawn = np.sqrt(by.gate.correlated) * (signs @ (evidence.clusters / size))
-    drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, types))
+    drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, columns))
     return drawn / np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
 
 

@@ -35,11 +35,11 @@ def finding_words(one: TrafficFinding) -> str:
 
 def parameter_words(one: TrafficFinding) -> str:
     """All parameters with half their intervals."""
-    message = []
+    parts = []
     for name in one.params:
         value, half = fitted_words(one, name)
-        message.append(f"{name} {value}{half and f' ± {half}'}")
-    return ", ".join(message)
+        parts.append(f"{name} {value}{half and f' ± {half}'}")
+    return ", ".join(parts)
 
 
 def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
@@ -48,8 +48,8 @@ def fitted_words(one: TrafficFinding, name: str) -> tuple[str, str]:
     if name not in one.ci95:
         return quantity(one.behaviour, name, value), ""
     low, high = one.ci95[name]
-    message, half = round_with_error(value, (high - low) / 2)
-    return f"{message}{_unit(one.behaviour, name)}", half
+    number, half = round_with_error(value, (high - low) / 2)
+    return f"{number}{_unit(one.behaviour, name)}", half
 
 
 def quantity(behaviour: str, name: str, value: float) -> str:
@@ -65,13 +65,13 @@ def _unit(behaviour: str, name: str) -> str:
 
 def smallest_words(diagnosis: TrafficDiagnosis, names: tuple[str, ...] = _NEEDED) -> str:
     """Changes that would have been seen, of the first parameter of some behaviours."""
-    message = []
+    parts = []
     for name in names:
         values = diagnosis.smallest_detectable.get(name, {})
         first = next(iter(values), None)
         if first is not None:
-            message.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
-    return ", ".join(message)
+            parts.append(f"{name} from a change of {first} by {quantity(name, first, values[first])}")
+    return ", ".join(parts)
 
 
 def unexplained_words(diagnosis: TrafficDiagnosis) -> str:

@@ -155,8 +155,8 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     ranks = np.full(len(values), np.nan)
     finite = np.isfinite(values)
     if finite.any():
-        _, position, count = np.unique(values[finite], return_inverse=True, return_counts=True)
-        ranks[finite] = ((np.cumsum(count) - (count + 1) / 2) / finite.sum())[position] - 0.5 + 0.5 / finite.sum()
+        _, index, count = np.unique(values[finite], return_inverse=True, return_counts=True)
+        ranks[finite] = ((np.cumsum(count) - (count + 1) / 2) / finite.sum())[index] - 0.5 + 0.5 / finite.sum()
     return ranks
 
 

@@ -144,9 +144,9 @@ def open_recording(path: str | Path, **options: object) -> Recording:
     with recording_errors():
         schema = find_schema([columns for _, columns in samples], settings.points, str(file))
     recording = Recording(file, sources, schema, settings, stamp_s)
-    poses, message = _poses(recording)
+    poses, pose_notes = _poses(recording)
     recording = replace(recording, poses=poses).chosen(readable)
-    return replace(recording, notes=(*schema.notes, *message, *damaged, *_absences(recording, samples)))
+    return replace(recording, notes=(*schema.notes, *pose_notes, *damaged, *_absences(recording, samples)))
 
 
 def _columns(source: Source) -> Columns:
@@ -226,8 +226,8 @@ def _poses(recording: Recording) -> tuple[np.ndarray | None, list[str]]:
     file = find_poses(recording.path, recording.settings.poses)
     if file is None:
         return None, []
-    poses, message = read_poses(file, len(recording), recording.stamp_s, recording.names)
-    return poses, [message]
+    poses, note = read_poses(file, len(recording), recording.stamp_s, recording.names)
+    return poses, [note]
 
 
 def _absences(recording: Recording, samples: list[tuple[str, Columns]]) -> list[str]:

@@ -185,9 +185,9 @@ def _against_range(
 def _rings(sets: Sets) -> Chart | None:
     lines = []
     for found in sets:
-        report = int(((found.scans.rings > 0) & found.scanned).sum())
+        scan_count = int(((found.scans.rings > 0) & found.scanned).sum())
         used = int(np.flatnonzero(found.scans.ring_points).max(initial=-1)) + 1
-        lines.append(found.scans.ring_points[:used] / max(report, 1))
+        lines.append(found.scans.ring_points[:used] / max(scan_count, 1))
     if not any(len(line) for line in lines):
         return None
     top, widest = nice_top(max(float(line.max(initial=0)) for line in lines)), max(len(line) for line in lines)

@@ -77,8 +77,8 @@ def points_ratio(a: Collected, b: Collected, edges_m: np.ndarray) -> np.ndarray:
     medians = []
     for cars in (a.focus, b.focus):
         cars = cars[cars.visible & (cars.points >= 0)]
-        position = np.digitize(cars.distance_m, edges_m) - 1
-        groups = (cars.points[position == k] for k in range(len(edges_m) - 1))
+        bin_of = np.digitize(cars.distance_m, edges_m) - 1
+        groups = (cars.points[bin_of == k] for k in range(len(edges_m) - 1))
         medians.append([float(np.median(group)) if len(group) else np.nan for group in groups])
     top, bottom = np.array(medians)
     return np.divide(top, bottom, out=np.full(len(top), np.nan), where=bottom > 0)

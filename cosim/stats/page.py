@@ -56,8 +56,8 @@ def _facts(sets: Sequence[Collected]) -> str:
         if found.scanned.any():
             scans = found.scans
             facts.append(("Points a scan", f"{scans.points[found.scanned].mean():,.0f}"))
-            report = scans.rings[found.scanned & (scans.rings > 0)]
-            facts.append(("Rings", f"{report.mean():.0f}" if len(report) else "unknown"))
+            rings = scans.rings[found.scanned & (scans.rings > 0)]
+            facts.append(("Rings", f"{rings.mean():.0f}" if len(rings) else "unknown"))
             for name, counts in (("all points", scans.intensity.sum(0)), ("cars", scans.car_intensity.sum(0))):
                 mean = histogram_mean(counts, INTENSITIES)
                 if isfinite(mean):
@@ -146,14 +146,14 @@ def _dimensions(sets: Sequence[Collected]) -> str:
             size = found.objects.of_type(name).size
             cells = []
             for column in range(3):
-                report = describe(size[:, column])
+                statistics = describe(size[:, column])
                 cells.append(
                     fill(
                         "<td>{:.2f} ± {:.2f}</td><td>{:.2f} – {:.2f}</td>",
-                        report["mean"],
-                        report["sd"],
-                        report["p5"],
-                        report["p95"],
+                        statistics["mean"],
+                        statistics["sd"],
+                        statistics["p5"],
+                        statistics["p95"],
                     )
                 )
             rows.append(

@@ -33,10 +33,10 @@ def summarise(collected: Collected) -> dict[str, Any]:
 def points_per_car(cars: LabelledObjects, edges_m: np.ndarray = DISTANCE_EDGES_M) -> list[dict[str, float | int]]:
     """Quantiles of the number of points on cars by ground distance; bins without a car are left out."""
     cars = cars[cars.points >= 0]
-    position = np.digitize(cars.distance_m, edges_m) - 1
+    bin_of = np.digitize(cars.distance_m, edges_m) - 1
     rows = []
     for row, (low, high) in enumerate(pairwise(edges_m)):
-        points = cars.points[position == row]
+        points = cars.points[bin_of == row]
         if not len(points):
             continue
         p10, p25, median, p75, p90 = np.quantile(points, [0.1, 0.25, 0.5, 0.75, 0.9])
@@ -130,15 +130,15 @@ def _class(objects: LabelledObjects) -> dict[str, Any]:
 def _points(collected: Collected) -> dict[str, Any]:
     scans, rows = collected.scans, collected.scanned
     everything, cars = scans.intensity.sum(0), scans.car_intensity.sum(0)
-    report = rows & (scans.rings > 0)
+    with_rings = rows & (scans.rings > 0)
     reached = scans.reach_count > 0
     ranges = scans.range_m.sum(0)
     used = int(np.flatnonzero(scans.ring_points).max(initial=-1)) + 1
     return {
         "frames": int(rows.sum()),
         "per_frame": describe(scans.points[rows]),
-        "rings": describe(scans.rings[report]) or None,
-        "per_ring": (scans.ring_points[:used] / max(int(report.sum()), 1)).round(2).tolist() if used else None,
+        "rings": describe(scans.rings[with_rings]) or None,
+        "per_ring": (scans.ring_points[:used] / max(int(with_rings.sum()), 1)).round(2).tolist() if used else None,
         "intensity": _intensity(everything),
         "car_intensity": _intensity(cars),
         "range_m": {

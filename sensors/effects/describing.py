@@ -125,8 +125,8 @@ def _scatter(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     image = np.full((_PANEL_PX, _PANEL_PX, 3), 255, np.uint8)
     if not len(x):
         return image
-    report = y[y != 0] if y.any() else y  # a few changes among many that are none still set the scale
-    low, high = (0.0, float(y.max())) if y.min() >= 0 else np.percentile(report, (2, 98))
+    changes = y[y != 0] if y.any() else y  # a few changes among many that are none still set the scale
+    low, high = (0.0, float(y.max())) if y.min() >= 0 else np.percentile(changes, (2, 98))
     low, high = min(low, 0.0), max(high, 0.0, low + 1e-3)
     column = 50 + _pixels(x, 0.0, float(x.max()) + 1e-6)
     row = _PANEL_PX - 30 - _pixels(y, low, high)

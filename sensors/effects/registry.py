@@ -92,9 +92,9 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
         except (Exception, SystemExit) as error:
             del sys.modules[module_name]
             line = line_of(error, path)
-            position = f"{path}, line {line}," if line else f"{path}"
+            location = f"{path}, line {line}," if line else f"{path}"
             raise SensorError(
-                f"effect {text!r}: {position} does not load: {_reason(error)}; correct the file"
+                f"effect {text!r}: {location} does not load: {_reason(error)}; correct the file"
             ) from error
     if not hasattr(module, name):
         raise SensorError(f"effect {text!r}: {path} holds no {name!r}; name one of its classes after the colon")
@@ -103,22 +103,22 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
     return found
 
 
-def _checked(result: object, origin: str) -> type[Effect]:
+def _checked(kind: object, origin: str) -> type[Effect]:
     """The class, if it keeps the rules of effects."""
-    base = next((stage for stage in _STAGES if isinstance(result, type) and issubclass(result, stage)), None)
-    if base is None or not isinstance(result, type) or not issubclass(result, Effect):
+    base = next((stage for stage in _STAGES if isinstance(kind, type) and issubclass(kind, stage)), None)
+    if base is None or not isinstance(kind, type) or not issubclass(kind, Effect):
         names = ", ".join(stage.__name__ for stage in _STAGES)
         raise SensorError(f"effect {origin}: is no sensor effect; derive the class from one of {names}")
-    if result.stage != base.stage:
+    if kind.stage != base.stage:
         raise SensorError(
-            f"effect {origin}: stage {result.stage!r} but derived from {base.__name__}; "
+            f"effect {origin}: stage {kind.stage!r} but derived from {base.__name__}; "
             f"leave out `stage` or derive it from the class of that stage"
         )
-    if not isinstance(getattr(result, "name", None), str) or not hasattr(result, "channel"):
+    if not isinstance(getattr(kind, "name", None), str) or not hasattr(kind, "channel"):
         raise SensorError(f"effect {origin}: `name` or `channel` is missing; write `name: ClassVar = ...` in the class")
-    if result.apply is base.apply:  # type: ignore[attr-defined]
+    if kind.apply is base.apply:  # type: ignore[attr-defined]
         raise SensorError(f"effect {origin}: has no `apply`; define it as {base.__name__} says")
-    return result
+    return kind
 
 
 def _reason(error: BaseException) -> str:

@@ -145,9 +145,9 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
     used = np.unique(codes[codes >= 0])
     if len(used) < fewest:
         return None
-    position = np.full(int(used.max()) + 1, -1)
-    position[used] = np.arange(len(used))
-    index = np.where(codes >= 0, position[np.maximum(codes, 0)], -1)
+    row_of = np.full(int(used.max()) + 1, -1)
+    row_of[used] = np.arange(len(used))
+    index = np.where(codes >= 0, row_of[np.maximum(codes, 0)], -1)
     labels = tuple(names[code] if code < len(names) else str(code) for code in used.tolist())
     return SampleCovariate(name, "", codes.astype(float), index, used.astype(float), labels)
 

@@ -204,8 +204,8 @@ def _slices(slices: Sequence[Slice]) -> str:
 
 
 def _residual(one: Slice) -> str:
-    message = {"range": f"{100 * one.bias:+.2f} cm", "drop": f"{one.bias:+.1%} returns"}
-    return message.get(one.channel, f"{one.bias:+.4f}")
+    sizes = {"range": f"{100 * one.bias:+.2f} cm", "drop": f"{one.bias:+.1%} returns"}
+    return sizes.get(one.channel, f"{one.bias:+.4f}")
 
 
 def _spread(one: Slice) -> str:

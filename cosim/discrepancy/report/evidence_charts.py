@@ -155,22 +155,22 @@ def grid_chart(cell: EvidenceCell, grid: EvidenceGrid, title: str) -> str:
     return plot.svg()
 
 
-def _bins_axis(name: str, positions: Sequence[str] | np.ndarray) -> Axis:
+def _bins_axis(name: str, bins: Sequence[str] | np.ndarray) -> Axis:
     """An axis of equally wide bins, some of them with their centres as ticks."""
-    every = max(int(np.ceil(len(positions) / 8)), 1)
-    names = [_bin_value(name, positions, row) if row % every == 0 else "" for row in range(len(positions))]
-    return Axis(-0.5, len(positions) - 0.5, _label(name), names=names)
+    every = max(int(np.ceil(len(bins) / 8)), 1)
+    names = [_bin_value(name, bins, row) if row % every == 0 else "" for row in range(len(bins))]
+    return Axis(-0.5, len(bins) - 0.5, _label(name), names=names)
 
 
-def _bin_value(name: str, positions: Sequence[str] | np.ndarray, row: int) -> str:
-    if isinstance(positions, tuple):
-        return str(positions[row]).replace("_", " ")[:14]
-    return f"{shown(name).factor * float(positions[row]):.3g}"
+def _bin_value(name: str, bins: Sequence[str] | np.ndarray, row: int) -> str:
+    if isinstance(bins, tuple):
+        return str(bins[row]).replace("_", " ")[:14]
+    return f"{shown(name).factor * float(bins[row]):.3g}"
 
 
-def _bin_words(name: str, positions: Sequence[str] | np.ndarray, row: int) -> str:
+def _bin_words(name: str, bins: Sequence[str] | np.ndarray, row: int) -> str:
     covariate = shown(name)
-    return f"{covariate.words} {_bin_value(name, positions, row)} {covariate.unit}".rstrip()
+    return f"{covariate.words} {_bin_value(name, bins, row)} {covariate.unit}".rstrip()
 
 
 def _label(name: str) -> str:

@@ -214,8 +214,8 @@ def _unique_rows(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return keys[first], number
 
 
-def _track_name(key: Sequence[int], frames: Sequence[TracedFrame], positions: Sequence[str]) -> str:
+def _track_name(key: Sequence[int], frames: Sequence[TracedFrame], worlds: Sequence[str]) -> str:
     kind, first, second, third = key
     if kind == 2:
         return f"#{frames[first].instances.ids[second]}"
-    return f"sky {first}" if kind == 1 else f"{positions[first]} {second},{third}"
+    return f"sky {first}" if kind == 1 else f"{worlds[first]} {second},{third}"

@@ -31,13 +31,13 @@ def p_about_fit(model: FittedModel, group: Group, tested: int, settings: Selecti
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     fitted, columns = model.fitted, linearisation.fitted.columns
-    position, size = _index(model, group)
-    if position is None:
+    at, size = _index(model, group)
+    if at is None:
         return 1.0
-    others = tuple(column for row, column in enumerate(columns) if row != position)
+    others = tuple(column for row, column in enumerate(columns) if row != at)
     evidence = linearisation.evidence
     mixed = LinearModel.of(model.fitter.random, others, evidence, fitted.prediction, fitted.estimate)
-    own = stacked([columns[position]], evidence.score, len(linearisation.sample))
+    own = stacked([columns[at]], evidence.score, len(linearisation.sample))
     found = replace(linearisation, mixed=mixed).projector(settings.sectors).project(own)
     precision = np.linalg.pinv(ridged(found.information, 1e-2), hermitian=True)
     observed, worst = found.information @ size, 0.0

@@ -59,8 +59,8 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
         beams, weighted = dependence.basis.T @ share, dependence.basis.T @ share**2
         event = weighted / np.maximum(beams, 1e-9)
         return np.sqrt(np.maximum(dependence.coefficients, 1 / np.maximum(beams, 1.0)) * event / np.maximum(beams, 1.0))
-    position = next(row for row, one in enumerate(fitted.dependences) if one.basis is dependence.basis)
-    at = len(fitted.columns) - len(fitted.dependences) + position
+    index = next(row for row, one in enumerate(fitted.dependences) if one.basis is dependence.basis)
+    at = len(fitted.columns) - len(fitted.dependences) + index
     own = fitted.columns[at]
     others = tuple(column for row, column in enumerate(fitted.columns) if row != at)
     mixed = LinearModel.of(

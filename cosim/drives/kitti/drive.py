@@ -183,20 +183,20 @@ class Drive:
     @cached_property
     def missing(self) -> tuple[str, ...]:
         """What is absent and what follows from it, a sentence each; empty for a complete drive."""
-        message = [self._absence(part, then) for part, then in _CONSEQUENCES.items() if self._expects(part)]
+        absences = [self._absence(part, then) for part, then in _CONSEQUENCES.items() if self._expects(part)]
         if not any((self.base / "twin" / position).exists() for position in ("static.glb", "static", "worlds")):
-            message.append("twin/static.glb is absent: no static world")
+            absences.append("twin/static.glb is absent: no static world")
         if self.pattern is None:
-            message.append("the beam pattern is not given: name one, or it is taken to be KITTI's")
+            absences.append("the beam pattern is not given: name one, or it is taken to be KITTI's")
         if "sweep_s" not in self.info and self._pattern_content.get("sweep_s") is None:
-            message.append(f"sweep_s is not given: taken to be {_SWEEP_S} s")
+            absences.append(f"sweep_s is not given: taken to be {_SWEEP_S} s")
         if self.kind == "simulated":
-            message.append(self._absence("hits", "variants must trace again"))
-            message.append("" if self.sensor_path else "sensor.yaml is absent: the sensor is not known")
-            message.append("" if self.info else "drive.yaml is absent: the run is unfinished")
+            absences.append(self._absence("hits", "variants must trace again"))
+            absences.append("" if self.sensor_path else "sensor.yaml is absent: the sensor is not known")
+            absences.append("" if self.info else "drive.yaml is absent: the run is unfinished")
         if self._lost:
-            message.append(f"{self._lost} frames that manifest.jsonl lists have no scan: left out")
-        return tuple(filter(None, message))
+            absences.append(f"{self._lost} frames that manifest.jsonl lists have no scan: left out")
+        return tuple(filter(None, absences))
 
     def notes(self, names: Iterable[str] | None = None) -> tuple[str, ...]:
         """Notes on missing parts and on scans with problems, a sentence each, for commands to print.

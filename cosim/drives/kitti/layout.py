@@ -74,10 +74,10 @@ def lidar_folder(path: Path, name: str | None) -> Path:
 
 def _base_of(root: Path) -> tuple[Path, str]:
     """Where a LiDAR's drive keeps what its LiDARs share, and the LiDAR's name; the root itself for a first one."""
-    position = root.absolute()
-    base = position.parent.parent
-    if position.parent.name == LIDARS and (base / "velodyne").is_dir():
-        return root.parent.parent if len(root.parts) > 2 else base, position.name
+    folder = root.absolute()
+    base = folder.parent.parent
+    if folder.parent.name == LIDARS and (base / "velodyne").is_dir():
+        return root.parent.parent if len(root.parts) > 2 else base, folder.name
     return root, ""
 
 

@@ -84,21 +84,21 @@ def _run_elevations(points: np.ndarray, runs: np.ndarray, count: int) -> np.ndar
     return np.where(spread > number * _SPREAD_M**2, np.arctan(slope), np.arctan2(mean_height, mean_reach))
 
 
-def _align(result: np.ndarray, expected: np.ndarray) -> np.ndarray:
+def _align(measured: np.ndarray, expected: np.ndarray) -> np.ndarray:
     """Rings (increasing) for the runs such that the sum of elevation differences is least."""
-    spare = len(expected) - len(result)
+    spare = len(expected) - len(measured)
     # cost[s]: best sum so far with s rings skipped; run i then takes ring i + s
     cost, choices = np.zeros(spare + 1), []
-    for run, elevation in enumerate(result):
+    for run, elevation in enumerate(measured):
         choice = np.zeros(spare + 1, int)
         for skipped in range(1, spare + 1):
             better = cost[choice[skipped - 1]] <= cost[skipped]
             choice[skipped] = choice[skipped - 1] if better else skipped
         cost = cost[choice] + np.abs(expected[run : run + spare + 1] - elevation)
         choices.append(choice)
-    skipped = int(cost.argmin()) if len(result) else 0
-    rings = np.empty(len(result), int)
-    for run in range(len(result) - 1, -1, -1):
+    skipped = int(cost.argmin()) if len(measured) else 0
+    rings = np.empty(len(measured), int)
+    for run in range(len(measured) - 1, -1, -1):
         rings[run] = run + skipped
         skipped = int(choices[run][skipped])
     return rings

@@ -40,7 +40,7 @@ def scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
             "velodyne/NAME.bin is float32 x y z intensity a point"
         )
     many = len(frames)
-    message = {
+    notes = {
         f"{left_out['not finite']} points hold NaN or infinity: left out": left_out.pop("not finite", 0),
         f"{left_out.total()} points are no returns ({', '.join(left_out)}): left out": left_out.total(),
         f"{empty} of {many} scans hold no point": empty,
@@ -49,7 +49,7 @@ def scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
         f"rings of {unordered} of {many} scans cannot be recovered, their points are in another order: "
         "give rays/NAME.npz": unordered,
     }
-    return tuple(note for note, count in message.items() if count)
+    return tuple(note for note, count in notes.items() if count)
 
 
 def _has_rings(frame: Frame) -> bool:

@@ -66,5 +66,5 @@ def read_materials(path: str | Path) -> Mapping[str, MaterialEntry]:
         return _FILE.validate_python(read_mapping(path))
     except ValidationError as error:
         fault = error.errors()[0]
-        position = " → ".join(str(part) for part in fault["loc"]) or "the file"
-        raise FormatError(f"{path}: {position}: {fault['msg']} (found {fault['input']!r})") from None
+        location = " → ".join(str(part) for part in fault["loc"]) or "the file"
+        raise FormatError(f"{path}: {location}: {fault['msg']} (found {fault['input']!r})") from None

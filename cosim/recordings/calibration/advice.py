@@ -57,27 +57,27 @@ class Advice:
 
 
 def undetermined(
-    smallest: Mapping[str, Mapping[str, float | None]], result: Mapping[str, Mapping[str, Any]]
+    smallest: Mapping[str, Mapping[str, float | None]], findings: Mapping[str, Mapping[str, Any]]
 ) -> dict[tuple[str, str], float | None]:
     """Parameters that a recording leaves undetermined: effect and name, with half width or smallest detectable value.
 
     Args:
         smallest: smallest detectable amplitudes; None where they exceed the allowed range.
-        result: by effect `params` and `ci95` of what was found.
+        findings: by effect `params` and `ci95` of what was found.
     """
     types, rows = effect_classes(), dict[tuple[str, str], float | None]()
     for name, values in smallest.items():
         kind = types.get(name)
         for parameter, value in values.items():
-            if kind is None or name in result or np.ndim(kind.example[parameter]):
+            if kind is None or name in findings or np.ndim(kind.example[parameter]):
                 continue
             usual = abs(kind.example[parameter] - (kind.neutral or {}).get(parameter, 0.0))
             if value is None or value > usual:
                 rows[name, parameter] = value
-    for name, report in result.items():
+    for name, finding in findings.items():
         kind = types.get(name)
-        for parameter, interval in report["ci95"].items():
-            value = report["params"].get(parameter)
+        for parameter, interval in finding["ci95"].items():
+            value = finding["params"].get(parameter)
             if kind is None or np.ndim(value) or np.ndim(interval) != 1:
                 continue
             half = (interval[1] - interval[0]) / 2

@@ -153,11 +153,11 @@ def _cones(one: SensorCalibration) -> dict[tuple[str, str], tuple[Any, Any]]:
 
 
 def _combined_sensor(
-    calibration: Sequence[SensorCalibration], models: Sequence[SensorModel], combined: Sequence[Combined]
+    calibrations: Sequence[SensorCalibration], models: Sequence[SensorModel], combined: Sequence[Combined]
 ) -> SensorModel:
     """The first drive's accepted effects, and those of the others, with the combined parameters."""
     effects: dict[str, Effect] = {}
-    for one in calibration:
+    for one in calibrations:
         accepted = one.folder / one.rounds[-1].accepted
         for effect in load_sensor(accepted).effects:
             effects.setdefault(effect.name, effect)

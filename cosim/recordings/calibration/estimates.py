@@ -82,9 +82,9 @@ def latest_estimates(rounds: Sequence[Round]) -> dict[tuple[str, str], tuple[Any
     found: dict[tuple[str, str], tuple[Any, Any]] = {}
     for each in rounds:
         fitted = [(one["effect"], one) for one in each.findings] + list(each.refitted.items())
-        for name, report in fitted:
-            for parameter, interval in report["ci95"].items():
-                value = report["params"].get(parameter)
+        for name, finding in fitted:
+            for parameter, interval in finding["ci95"].items():
+                value = finding["params"].get(parameter)
                 if value is not None and interval is not None:
                     found[name, parameter] = (value, interval)
     return found
@@ -123,8 +123,8 @@ def differences(names: Sequence[str], drives: Sequence[Estimates]) -> tuple[Diff
     return _family_wise(found)
 
 
-def _family_wise(result: list[Difference]) -> tuple[Difference, ...]:
-    ordered, least, adjusted = sorted(result, key=lambda one: one.p_value), 0.0, []
+def _family_wise(unadjusted: list[Difference]) -> tuple[Difference, ...]:
+    ordered, least, adjusted = sorted(unadjusted, key=lambda one: one.p_value), 0.0, []
     for rank, one in enumerate(ordered):
         least = max(least, min(1.0, (len(ordered) - rank) * one.p_value))
         adjusted.append(Difference(**{**vars(one), "p_value": least}))

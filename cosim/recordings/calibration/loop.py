@@ -202,13 +202,13 @@ def _round(
         advice=_advice(prepared, twin, found) if is_last else [],
         cpu_s=round(time.process_time() - begun_s, 1),
     )
-    report = round_of(
+    finished = round_of(
         number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
     )
-    report.write(round_folder)
+    finished.write(round_folder)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", round_folder / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
-    return report
+    return finished
 
 
 def _directions(
@@ -288,16 +288,16 @@ def _claimed(folder: Path, recording: Recording) -> None:
     if folder.resolve() == recording.path.resolve():
         raise OutputError(f"{folder} is the recording itself; choose another --out")
     names = hashlib.sha256("\n".join(recording.names).encode()).hexdigest()[:16]
-    own = {"recording": str(recording.path.resolve()), "scans": len(recording), "names": names}
+    inputs = {"recording": str(recording.path.resolve()), "scans": len(recording), "names": names}
     file = folder / _HEAD
     if file.is_file():
         try:
             theirs = json.loads(read_text(file))
         except ValueError as error:
             raise OutputError(f"{file}: {error}; choose another --out") from None
-        if theirs != own:
+        if theirs != inputs:
             raise OutputError(f"{folder} holds a calibration on {theirs.get('recording')}; choose another --out")
         return
     with explained(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(own, indent=2) + "\n", encoding="utf-8")
+        file.write_text(json.dumps(inputs, indent=2) + "\n", encoding="utf-8")

@@ -129,14 +129,14 @@ def _report(calibration: SensorCalibration) -> str:
             ]
         )
     if last.directions is not None:
-        report = last.directions
+        directions = last.directions
         rows.append(
             [
                 "ray direction, half against half [°]",
                 "",
-                f"{report['mean_deg']:.4f}",
-                f"mean over {report['lasers']} lasers; largest {report['max_deg']:.4f}°; elevations of the cones only "
-                f"{report['by_elevation_deg']:.4f}°",
+                f"{directions['mean_deg']:.4f}",
+                f"mean over {directions['lasers']} lasers; largest {directions['max_deg']:.4f}°; "
+                f"elevations of the cones only {directions['by_elevation_deg']:.4f}°",
             ]
         )
     parts = [table(["quantity", "before", "after", "evidence"], rows, words=(0, 3))]
@@ -228,15 +228,15 @@ def _numbers(calibration: SensorCalibration) -> np.ndarray:
 def _links(calibration: SensorCalibration) -> str:
     rows = []
     for one in calibration.rounds:
-        position = one.sensor_out.rpartition("/")[0]
-        message = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
-        added = ", ".join(message) or "no further effect"
+        folder = one.sensor_out.rpartition("/")[0]
+        names = [finding["effect"] for finding in one.findings] + [f"{name} anew" for name in one.refitted]
+        added = ", ".join(names) or "no further effect"
         rows.append(
             [
                 f"{one.number}",
                 added,
-                fill('<a href="{}/map/index.html">map</a>', position),
-                fill('<a href="{}/diagnosis/index.html">diagnosis</a>', position),
+                fill('<a href="{}/map/index.html">map</a>', folder),
+                fill('<a href="{}/diagnosis/index.html">diagnosis</a>', folder),
                 fill('<a href="{}">sensor file</a>', one.sensor_out),
             ]
         )
@@ -268,21 +268,21 @@ def _findings(calibration: SensorCalibration) -> str:
 
 def said_params(effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> str:
     """Parameters with units and intervals; of lists the extremes; what exceeds its allowed range is not determined."""
-    words, message = Vocabulary(), []
+    words, parts = Vocabulary(), []
     for name, value in params.items():
         interval, unit = ci95.get(name), words.parameter(effect, name).unit
         unit = f" {unit}" if unit else ""
         if isinstance(value, list | tuple):
             numbers = [number for number in value if number is not None]
             spread = f"{min(numbers):.3g} to {max(numbers):.3g}{unit}" if numbers else UNDETERMINED
-            message.append(f"{name} of {len(value)} lasers {spread}")
+            parts.append(f"{name} of {len(value)} lasers {spread}")
         elif value is None or not words.is_determined(effect, name, interval):
-            message.append(f"{name} {UNDETERMINED}")
+            parts.append(f"{name} {UNDETERMINED}")
         elif isinstance(value, float) and interval:
-            message.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g}){unit}")
+            parts.append(f"{name} {value:.4g} ({interval[0]:.4g} to {interval[1]:.4g}){unit}")
         else:
-            message.append(f"{name} {value:.4g}{unit}" if isinstance(value, float) else f"{name} {value}")
-    return "; ".join(message)
+            parts.append(f"{name} {value:.4g}{unit}" if isinstance(value, float) else f"{name} {value}")
+    return "; ".join(parts)
 
 
 def _unexplained(last: Round) -> str:

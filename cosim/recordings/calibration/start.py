@@ -71,5 +71,5 @@ def _differences(scan: Scan, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         return bend[smooth], nothing
     light = scan.intensity[order].astype(np.float64)
     mean = (light[2:] + light[1:-1] + light[:-2]) / 3
-    report = smooth & (mean > 0.05) & (mean < 0.9)
-    return bend[smooth], (light[2:] - 2 * light[1:-1] + light[:-2])[report] / mean[report]
+    usable = smooth & (mean > 0.05) & (mean < 0.9)
+    return bend[smooth], (light[2:] - 2 * light[1:-1] + light[:-2])[usable] / mean[usable]

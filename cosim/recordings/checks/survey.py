@@ -56,8 +56,8 @@ def survey_scans(recording: Recording, lines: np.ndarray, on_scan: Callable[[], 
         step = max(1, -(-len(scan) // _MOST_POINTS))
         rho, z = scan.flat_range_m[::step], scan.xyz[::step, 2]
         far = rho > _NEAREST_M
-        position = ((np.degrees(np.arctan2(z[far], rho[far])) + 90) / _BIN_DEG).astype(int)
-        elevations.append(_shares(np.bincount(np.clip(position, 0, bins - 1), minlength=bins)))
+        bin_of = ((np.degrees(np.arctan2(z[far], rho[far])) + 90) / _BIN_DEG).astype(int)
+        elevations.append(_shares(np.bincount(np.clip(bin_of, 0, bins - 1), minlength=bins)))
         which, off = nearest_laser(rho, z, lines)
         on = np.abs(off) < np.radians(_ON_BEAM_DEG)
         by_laser.append(_shares(np.bincount(which[on], minlength=len(lines))))

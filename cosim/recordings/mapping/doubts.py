@@ -24,12 +24,12 @@ def frames_of(prepared: Prepared, made: WholeMap, names: Sequence[str]) -> tuple
     surface is seen from one position), segments whose path jumps (surfaces are duplicated), and scans with uncertain
     poses.
     """
-    requested = made.mapped
+    used = made.mapped
     for bad in (_standing(prepared), _jumping(prepared)):
-        requested = requested & ~bad if (requested & ~bad).any() else requested
-    numbers = np.flatnonzero(requested).tolist()
+        used = used & ~bad if (used & ~bad).any() else used
+    numbers = np.flatnonzero(used).tolist()
     doubtful = {*_slipping(prepared, made), *_lost(made)}
-    sure = [one for one in made.fitted if one not in doubtful and requested[made.segment_of[one]]]
+    sure = [one for one in made.fitted if one not in doubtful and used[made.segment_of[one]]]
     left_out = doubtful if len(sure) >= _FEWEST_SURE else set()
 
     def by_segment(scans: Sequence[int]) -> list[list[str]]:
@@ -137,5 +137,5 @@ def _counted(numbers: Sequence[int]) -> str:
 def _named(recording: Recording, numbers: Sequence[int]) -> str:
     """Names of some scans, runs of them by their ends."""
     runs = np.split(np.array(numbers), np.flatnonzero(np.diff(numbers) > 1) + 1)
-    message = [recording.names[run[0]] + (f" to {recording.names[run[-1]]}" if len(run) > 1 else "") for run in runs]
-    return ", ".join(message[:_SHOWN]) + (" …" if len(message) > _SHOWN else "")
+    ranges = [recording.names[run[0]] + (f" to {recording.names[run[-1]]}" if len(run) > 1 else "") for run in runs]
+    return ", ".join(ranges[:_SHOWN]) + (" …" if len(ranges) > _SHOWN else "")

@@ -33,10 +33,10 @@ def holding(xyz: np.ndarray) -> float:
     sd = np.sqrt(variance)
     spread = np.sqrt(_variance(elevation, patch))
     good = (count >= _LEAST_POINTS) & (spread > np.radians(_LEAST_SPREAD_DEG))
-    requested = float(count[good].sum())
+    points = float(count[good].sum())
     good &= (sd[:, 0] < _THICKEST_M) & (sd[:, 1] > _LEAST_SHAPE * sd[:, 0])
     on = float(count[good].sum())
-    if not requested or on < _LEAST_PLANES * requested:
+    if not points or on < _LEAST_PLANES * points:
         return 1 / 3
     weighted = normal[good] * count[good, None]
     return float(np.linalg.eigvalsh(weighted.T @ normal[good])[0] / on)

@@ -121,9 +121,9 @@ def _met(part: Recording, poses: np.ndarray) -> list[float]:
     return [met_share(part[row - 1], part[row], poses[row - 1], poses[row]) for row in range(1, len(part))]
 
 
-def _rotation_between(given: np.ndarray, result: np.ndarray) -> float:
+def _rotation_between(given: np.ndarray, estimated: np.ndarray) -> float:
     """Angle [deg] of the rotation that turns the steps of one path best into those of another."""
-    left, right = motions(given)[:, 3:], motions(result)[:, 3:]
+    left, right = motions(given)[:, 3:], motions(estimated)[:, 3:]
     u, _, v = np.linalg.svd(left.T @ right)
     turn = (u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v).T
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))

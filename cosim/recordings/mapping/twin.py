@@ -178,8 +178,8 @@ def _maps(prepared: Prepared, kept: Path, effects: Sequence[Effect]) -> Kept:
     """Where the maps of segments lie, and how one is made."""
     known = tuple(one for one in effects if one.name in effect_classes())  # shapes of no known effect move no point
     correction = Correction(prepared.pattern, prepared.found.lasers.lines, prepared.ring_of, known)
-    report = correction.sweep_scale()
-    scale = prepared.sweep_scale if report is None else report
+    sweep_scale = correction.sweep_scale()
+    scale = prepared.sweep_scale if sweep_scale is None else sweep_scale
     depends = about(prepared.recording, prepared.pattern.to_yaml(), [repr(one) for one in known], scale)
     return Kept(kept, "map", depends, partial(_map, correction, prepared.paths, scale, prepared.recording))
 

@@ -161,14 +161,16 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
     if ring.min() < 0 or ring.max() > 255:
         return found, [f"ring numbers run from {ring.min()} to {ring.max()}: not used"]
     numbered = ring_lasers(rho, height, number, ring)
-    report = len(np.unique(ring))
+    numbers = len(np.unique(ring))
     if not len(numbered) or np.median(numbered.misfit_deg) > _RING_MISFIT_DEG * max(
         1, 4 * (found.share < _LEAST_SHARE)
     ):
-        return found, [f"the recording numbers {report} lasers, whose points lie on no cones: its numbers are not used"]
+        return found, [
+            f"the recording numbers {numbers} lasers, whose points lie on no cones: its numbers are not used"
+        ]
     if len(numbered) == len(found) and found.share >= numbered.share - 0.01:
         return found, []
-    message = f"the recording numbers {report} lasers; the points show {len(found)}: its numbers are used"
+    message = f"the recording numbers {numbers} lasers; the points show {len(found)}: its numbers are used"
     return numbered, [message]
 
 

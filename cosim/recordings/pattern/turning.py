@@ -193,10 +193,10 @@ def _side_by_side(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: in
     step = np.concatenate(apart)
     order = np.lexsort((step, pair))
     pair, step = pair[order], step[order]
-    types, start, count = np.unique(pair, return_index=True, return_counts=True)
+    pairs, start, count = np.unique(pair, return_index=True, return_counts=True)
     middle = step[start + count // 2]
     often = count > 10
-    a, b = types[often] // lasers, types[often] % lasers
+    a, b = pairs[often] // lasers, pairs[often] % lasers
     tree = minimum_spanning_tree(coo_array((1.0 / count[often], (a, b)), shape=(lasers, lasers)))
     known = dict(zip(zip(a.tolist(), b.tolist(), strict=True), middle[often].tolist(), strict=True))
     fan = np.zeros(lasers)
@@ -232,8 +232,8 @@ def _of_ring_ends(
     seam = np.pi if np.median(np.cos(first[np.isfinite(first)])) < 0 else 0.0
     most = np.fmin.reduce((first - seam + _WIDEST) % (2 * np.pi) - _WIDEST) - step / 2
     least = np.fmax.reduce((last - seam - _WIDEST) % (2 * np.pi) + _WIDEST) - 2 * np.pi + step / 2
-    report = most - least < 2 * step
-    usual = float(np.median((most + least)[report])) / 2 if report.any() else 0.0
+    is_determined = most - least < 2 * step
+    usual = float(np.median((most + least)[is_determined])) / 2 if is_determined.any() else 0.0
     return sense * np.where(np.isfinite(most), np.clip(usual, least, np.maximum(least, most)), usual)
 
 

@@ -235,9 +235,9 @@ class Motion:
         state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
         state["speed"][on_foot] = state["curvature"][on_foot] = 0.0
         state["front"][on_foot] += _bumpers(actors, of["heading"], wheels[on_foot])
-        want, position = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
-        want["front"][position], want["heading"][position] = wanted.front, wanted.heading_rad
-        want["curvature"][position], want["speed"][position] = wanted.curvature_per_m, wanted.speed_mps
+        want, index = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
+        want["front"][index], want["heading"][index] = wanted.front, wanted.heading_rad
+        want["curvature"][index], want["speed"][index] = wanted.curvature_per_m, wanted.speed_mps
         rows = {int(row): i for i, row in enumerate(wheels)}
         company = Company(
             state=state,

@@ -49,10 +49,10 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
     sumo = is_sumo_table(header)
     on_foot = [sample.user in users and users[sample.user].kind == "pedestrian" for sample in samples]
     riding = is_rider(samples, on_foot) if sumo else np.zeros(len(samples), bool)
-    left, message = _rows_left_out(schema, table)
+    left, left_notes = _rows_left_out(schema, table)
     kept = [sample for sample, gone in zip(samples, (riding | left).tolist(), strict=True) if not gone]
     tracks = gather(path, kept, users, centred=schema.position == "middle")
-    notes = tuple(f"{path}: {note}" for note in (*schema.notes, *message))
+    notes = tuple(f"{path}: {note}" for note in (*schema.notes, *left_notes))
     if riding.any():
         riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
         notes += (f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out",)
@@ -122,14 +122,16 @@ def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray
     stray = time_outliers(table.user, time) & ~twice
     unit_s, metres = schema.time_unit_s, schema.metres
     away = position_outliers(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
-    message = []
+    left_notes = []
     if twice.any():
-        message.append(f"{int(twice.sum())} rows are there twice: one of each is used")
+        left_notes.append(f"{int(twice.sum())} rows are there twice: one of each is used")
     if stray.any():
-        message.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
+        left_notes.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
     if away.any():
-        message.append(f"{int(away.sum())} places are reached and left far faster than the road user moves: left out")
-    return twice | stray | away, tuple(message)
+        left_notes.append(
+            f"{int(away.sum())} places are reached and left far faster than the road user moves: left out"
+        )
+    return twice | stray | away, tuple(left_notes)
 
 
 def _usual(sizes: np.ndarray) -> float | None:

@@ -128,9 +128,9 @@ def _facts(frame: Frame, *, moves: bool) -> Facts:
     facts.append(("points", f"{len(frame.points):,}"))
     if frame.has("label_2"):
         classes = Counter(frame.labels.cared_for.type).most_common()
-        message = [f"{count} {name}" for name, count in classes[:_MAX_CLASSES]]
+        counts = [f"{count} {name}" for name, count in classes[:_MAX_CLASSES]]
         rest = sum(count for _, count in classes[_MAX_CLASSES:])
-        facts.append(("labels", ", ".join([*message, f"{rest} others"] if rest else message) or "none"))
+        facts.append(("labels", ", ".join([*counts, f"{rest} others"] if rest else counts) or "none"))
     return facts
 
 

@@ -40,12 +40,12 @@ class FootprintCache:
 
     def met(self, radius_rad: float) -> Surface:
         """Surfaces (4 · k) that samples of footprints of a radius meet."""
-        position = bisect_left(self._radii, radius_rad)
-        if position < len(self._radii) and self._radii[position] == radius_rad:
-            return self._met[position]
-        found = self._traced(radius_rad, position)
-        self._radii.insert(position, radius_rad)
-        self._met.insert(position, found)
+        index = bisect_left(self._radii, radius_rad)
+        if index < len(self._radii) and self._radii[index] == radius_rad:
+            return self._met[index]
+        found = self._traced(radius_rad, index)
+        self._radii.insert(index, radius_rad)
+        self._met.insert(index, found)
         if len(self._radii) > _MOST:
             farthest = max(range(1, len(self._radii)), key=lambda row: abs(self._radii[row] - radius_rad))
             del self._radii[farthest], self._met[farthest]
@@ -86,15 +86,15 @@ class FootprintCache:
             columns = _with_rows(columns, rows, anew)
         return Surface(**columns)
 
-    def _traced(self, radius_rad: float, position: int) -> Surface:
+    def _traced(self, radius_rad: float, index: int) -> Surface:
         """Surfaces at a radius between known ones: by new rays where these do not agree."""
-        below, onward = self._met[position - 1], self._rays(radius_rad)
+        below, onward = self._met[index - 1], self._rays(radius_rad)
         columns = {name: getattr(below, name) for name in ("range_m", "normal_code", "material", "instance")}
         agreed = np.zeros(len(onward), bool)
-        if position < len(self._radii) and self._radii[position] - self._radii[position - 1] <= _APART_RAD:
-            above = self._met[position]
-            agreed = self._on_one_face(position)
-            share = (radius_rad - self._radii[position - 1]) / (self._radii[position] - self._radii[position - 1])
+        if index < len(self._radii) and self._radii[index] - self._radii[index - 1] <= _APART_RAD:
+            above = self._met[index]
+            agreed = self._on_one_face(index)
+            share = (radius_rad - self._radii[index - 1]) / (self._radii[index] - self._radii[index - 1])
             with np.errstate(divide="ignore"):
                 # Along a line over a plane the inverse of the range is linear.
                 columns["range_m"] = (1 / ((1 - share) / below.range_m + share / above.range_m)).astype(np.float32)
@@ -103,13 +103,13 @@ class FootprintCache:
         anew = self._world.shoot(self._origin[of], onward[rows], self._time_s[of], self._limit_m)
         return Surface(**_with_rows(columns, rows, anew))
 
-    def _on_one_face(self, position: int) -> np.ndarray:
+    def _on_one_face(self, index: int) -> np.ndarray:
         """(4 · k) bool: samples that meet one face at a known radius and at the one before."""
-        below, above = self._met[position - 1], self._met[position]
+        below, above = self._met[index - 1], self._met[index]
         turned = np.abs(below.normal_code.astype(np.int32) - above.normal_code).max(1)
         same = (turned < TURNED) & (below.material == above.material) & (below.instance == above.instance)
         toward, onward = (
-            dot_with_normals(below.normal_code, self._rays(self._radii[row])) for row in (position - 1, position)
+            dot_with_normals(below.normal_code, self._rays(self._radii[row])) for row in (index - 1, index)
         )
         with np.errstate(divide="ignore", invalid="ignore"):
             foreseen = below.range_m * (toward / onward)
