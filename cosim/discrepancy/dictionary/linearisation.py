@@ -99,6 +99,9 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     wider = dispersion(sample, residuals)
     evidence_of_sample = Evidence.of(sample, residuals, wider=wider)
     score, information = dict(evidence_of_sample.score), dict(evidence_of_sample.information)
+    # Losses next to the sky are confounded with the position of the edge.
+    score["drop"] = np.where(sample.beside_sky, 0.0, score["drop"])
+    information["drop"] = np.where(sample.beside_sky, 0.0, information["drop"])
     if sample.has_intensity:
         _score_intensity_variance(sample, residuals, adjusted, score, information)
     bent = any(dependence.channel in ANGLES for dependence in fitted.dependences)

@@ -186,21 +186,28 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
 
     Beams near edges hit one of the sides, or an unknown surface: then they have a return at a uniform range, or none.
+    Edges against the sky have their own shares, because a beam that passes the edge has no return either: how many are
+    lost there says where the edge is.
 
     Args:
         sample: sample of measured beams.
         outcome: (n,) likelihood of each beam's measurement if it hit the surface of this row.
     """
-    near, rows = np.flatnonzero(sample.edge & sample.first), np.flatnonzero(sample.edge)
-    if not len(near):
+    if not sample.edge.any():
         return outcome, np.ones(len(outcome))
-    likelihood = np.where(sample.first, np.bincount(sample.own, sample.chance * outcome, len(outcome)), 1.0)
-    constants, returned = sample.settings.likelihood, sample.returned[near]
-    neither = np.stack([returned / constants.reach_m, ~returned])
-    share = shares_of_neither(likelihood[near], neither, sample.weight[near], constants)
-    either, met = 1 - share.sum(), np.ones(len(outcome))
-    likelihood[near] = either * likelihood[near] + share @ neither
-    met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
+    likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
+    likelihood = np.where(sample.first, likelihood, 1.0)
+    constants = sample.settings.likelihood
+    for kind in (~sample.beside_sky, sample.beside_sky):
+        near, rows = np.flatnonzero(sample.edge & sample.first & kind), np.flatnonzero(sample.edge & kind)
+        if not len(near):
+            continue
+        returned = sample.returned[near]
+        neither = np.stack([returned / constants.reach_m, ~returned])
+        share = shares_of_neither(likelihood[near], neither, sample.weight[near], constants)
+        either = 1 - share.sum()
+        likelihood[near] = either * likelihood[near] + share @ neither
+        met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
     return likelihood, met
 
 

@@ -164,6 +164,12 @@ class Sample:
         return self.compared & ~self.edge
 
     @cached_property
+    def beside_sky(self) -> np.ndarray:
+        """(n,) bool beams near edges that may hit nothing."""
+        misses = ~np.isfinite(self.range_m) & (self.chance > 0)
+        return self.edge & (np.bincount(self.own, misses, len(self))[self.own] > 0)
+
+    @cached_property
     def mean_weight(self) -> float:
         """Mean number of beams that a sampled beam represents."""
         return float(self.weight[self.first].mean())

@@ -24,7 +24,7 @@ class Statistic:
         columns: of the score tables.
         inverse: (k, k) inverse correlation of the columns under the null.
         one_sided: whether only positive scores count.
-        expected: for counts, of each clustering the expected number (k,) of clusters with an event; None for others.
+        expected: for counts, of each clustering the expected number (clusters, k) of events; None for others.
         is_clustered_by_scan: whether the clustering by parts of scans applies.
     """
 
@@ -78,24 +78,30 @@ def family_wise_p(
     """
     p_values, root = np.zeros(len(groups)), np.sqrt(np.maximum(variance, 1e-300))
     for number, table in enumerate(tables):
-        used = table[np.abs(table).sum(1) > 0]
+        has_scores = np.abs(table).sum(1) > 0
+        used = table[has_scores]
         if not len(used):
+            p_values = np.maximum(p_values, 1.0 if number == 0 else 0.0)
             continue
-        total = random_signs(len(used), draws, rng) @ (used / root)
+        signs = random_signs(len(used), draws, rng)
+        total = signs @ (used / root)
         values = np.zeros((draws + 1, len(groups)))
         for position, group in enumerate(groups):
             if number == 1 and not group.is_clustered_by_scan:
                 continue
             z = total[:, group.columns]
             if group.expected is not None:
-                z = _count_deviates(used[:, group.columns], group.expected[number], draws, rng)
+                expected = group.expected[number]
+                expected = np.pad(expected, ((0, len(table) - len(expected)), (0, 0)))[has_scores]
+                z = _count_deviates(used[:, group.columns], expected, signs, rng)
             if group.one_sided:
                 values[:, position] = (np.maximum(z, 0) ** 2).sum(1)
             else:
                 values[:, position] = np.einsum("dk,kl,dl->d", z, group.inverse, z)
         values = np.cbrt(np.maximum(values, 0))
         live = values[1:].std(0) > 1e-9
-        if not live.any():
+        if not live.any():  # no score differs from 0
+            p_values = np.maximum(p_values, 1.0 if number == 0 else 0.0)
             continue
         logs = np.where(live, surprise(values), 0.0)
         smallest = np.sort(logs[1:].max(1))
@@ -105,14 +111,26 @@ def family_wise_p(
     return 1 - (1 - np.clip(p_values, 0, 1)) ** tested_per_kept
 
 
-def _count_deviates(scores: np.ndarray, expected: np.ndarray, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """Signed deviance roots (1 + draws, k) of the number of clusters with an event against a Poisson distribution.
+def _count_deviates(
+    scores: np.ndarray, expected: np.ndarray, signs: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Standardised differences (1 + draws, k) of numbers of events from what is expected.
 
-    A cluster has an event if its score, whose unit is one event, exceeds a fifth. The number of such clusters is a sum
-    of Bernoulli variables, of which the Poisson distribution of the same mean is an upper bound in variance.
+    Events of one cluster may have a common cause. A cluster that expects less than one event therefore counts once,
+    whatever its number of events, and Bernoulli draws are its reference; of larger ones random signs are.
+
+    Args:
+        scores, expected: (clusters, k) observed minus expected events, and expected events.
+        signs: (1 + draws, clusters), of the larger clusters.
+        rng: for the draws.
     """
-    expected = np.maximum(expected, 1e-6)
-    observed = (scores > 0.2).sum(0)
-    count = np.vstack([observed[None], rng.poisson(expected, (draws, len(expected)))])
-    deviance = count * np.log(np.maximum(count, 1e-9) / expected) - count + expected
-    return np.sign(count - expected) * np.sqrt(2 * np.maximum(deviance, 0))
+    expected = np.maximum(expected, 0)
+    is_small = expected < 1
+    chance = np.where(is_small, -np.expm1(-expected), 0.0)  # of one event or more
+    excess = np.where(is_small, 0.0, scores)
+    small = (is_small & (scores + expected > 0.2)).sum(0)
+    draws = len(signs) - 1
+    drawn = np.stack([(rng.random((draws, len(p))) < p).sum(1) for p in chance.T], 1)
+    variance = chance.sum(0) + np.where(is_small, 0.0, np.maximum(excess**2, expected)).sum(0)
+    difference = np.vstack([small[None], drawn]) - chance.sum(0) + signs @ excess
+    return difference / np.sqrt(np.maximum(variance, 1e-6))

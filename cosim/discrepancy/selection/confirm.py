@@ -2,6 +2,8 @@
 
 A strong effect on few clusters makes all of their scores large and of one sign, so that random signs of these scores
 reach its statistic often. About the fit the scores hold nothing but noise: their signs give the reference distribution.
+The statistic is the likelihood ratio, not Wald's, which grows without limit where the likelihood is flat: a beam that
+always returns cannot return more often, whatever its coefficient (Hauck and Donner, J. Am. Stat. Assoc. 1977).
 """
 
 from __future__ import annotations
@@ -19,19 +21,22 @@ from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.settings import Selection
 
 
-def p_about_fit(model: FittedModel, group: Group, tested: int, settings: Selection, rng: np.random.Generator) -> float:
+def p_about_fit(
+    model: FittedModel, group: Group, gain: float, tested: int, settings: Selection, rng: np.random.Generator
+) -> float:
     """Family-wise p-value of the term that was fitted last, corrected for the number of hypotheses (Bonferroni).
 
     Args:
         model: with the term among its parameters.
         group: of the term.
+        gain: marginal log-likelihood that the term gained.
         tested: number of hypotheses.
         settings: numeric choices.
         rng: for the signs.
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     fitted, columns = model.fitted, linearisation.fitted.columns
-    at, size = _index(model, group)
+    at = _index(model, group)
     if at is None:
         return 1.0
     others = tuple(column for row, column in enumerate(columns) if row != at)
@@ -40,29 +45,26 @@ def p_about_fit(model: FittedModel, group: Group, tested: int, settings: Selecti
     own = stacked([columns[at]], evidence.score, len(linearisation.sample))
     found = replace(linearisation, mixed=mixed).projector(settings.sectors).project(own)
     precision = np.linalg.pinv(ridged(found.information, 1e-2), hermitian=True)
-    observed, worst = found.information @ size, 0.0
+    observed, worst = 2 * gain, 0.0
     for number, table in enumerate(found.tables):
         if number == 1 and not group.is_clustered_by_scan:
             continue
         used = table[np.abs(table).sum(1) > 0]
         drawn = random_signs(len(used), settings.confirm_draws, rng)[1:] @ used
-        values = np.vstack([observed[None], drawn])
-        statistic = np.cbrt(np.maximum(np.einsum("dk,kl,dl->d", values, precision, values), 0))
+        values = np.append(observed, np.einsum("dk,kl,dl->d", drawn, precision, drawn))
+        statistic = np.cbrt(np.maximum(values, 0))
         worst = max(worst, float(np.exp(-surprise(statistic[:, None])[0, 0])))
     return min(worst * tested, 1.0)
 
 
-def _index(model: FittedModel, group: Group) -> tuple[int | None, np.ndarray]:
-    """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
+def _index(model: FittedModel, group: Group) -> int | None:
+    """Row of the term among the columns of the fit."""
     fitted = model.fitted
     if not group.is_effect:
-        last = fitted.dependences[-1]
-        return len(fitted.columns) - 1, last.coefficients
+        return len(fitted.columns) - 1
     tangent = group.tangent
     assert tangent is not None  # of an effect
     for row, free in enumerate(fitted.free):
-        effect = fitted.effects[free.effect]
-        if effect.name == tangent.effect.name and free.unknown.name == tangent.amplitude:
-            neutral = np.asarray(getattr(tangent.effect, tangent.amplitude), float) - tangent.step
-            return row, np.atleast_1d(np.asarray(getattr(effect, tangent.amplitude), float) - neutral)
-    return None, np.zeros(0)
+        if fitted.effects[free.effect].name == tangent.effect.name and free.unknown.name == tangent.amplitude:
+            return row
+    return None

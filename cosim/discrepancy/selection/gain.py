@@ -1,7 +1,7 @@
 """Gains in log-likelihood that a group would bring on clusters that took no part in its fit.
 
-Means of continuous quantities: parabolas. Counts, probabilities, spreads and means of random effects: exact deviances,
-because parabolas rank strong effects wrongly.
+Means of continuous quantities: parabolas. Counts, spreads and means of random effects: exact deviances, because
+parabolas rank strong effects wrongly. Probabilities of returns: see `returns`.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ class Cell:
     Attributes:
         distribution: of the likelihood about a change.
         information: (k, k).
-        probability: (k,) mean probability of a return, for probabilities.
         one_sided: whether only positive coefficients make sense.
         dispersion: by how much squared scores exceed the information; gains are divided by it.
+        fold_gains: (folds,) gains by track and by part of a scan, for probabilities.
     """
 
     distribution: Distribution
     information: np.ndarray
-    probability: np.ndarray
     one_sided: bool
     dispersion: float
+    fold_gains: tuple[np.ndarray, ...] = ()
 
 
 def fold_sums(table: np.ndarray, folds: int, rng: np.random.Generator) -> np.ndarray:
@@ -101,7 +101,7 @@ def cross_fitted_gain(sums: np.ndarray, cluster_information: np.ndarray, cell: C
         return ((coefficients * sums).sum(1) - 0.5 * curvature) / cell.dispersion
     coefficients = rest / (1.01 * of_rest)
     coefficients = np.maximum(coefficients, 0) if cell.one_sided else coefficients
-    gains = deviance_gain(cell.distribution, coefficients, sums, of_fold, cell.probability)
+    gains = deviance_gain(cell.distribution, coefficients, sums, of_fold)
     return gains.sum(1) / cell.dispersion
 
 
@@ -110,23 +110,16 @@ def deviance_gain(
     coefficients: np.ndarray,
     score: np.ndarray,
     information: np.ndarray,
-    probability: np.ndarray,
 ) -> np.ndarray:
     """Log-likelihood (…, k) gained by coefficients (…, k) where the scores and the information are (…, k).
 
     Counts: score k − e of k events with e = information expected, change of the expectation by the factor 1 + θ.
-    Probabilities: relative change θ of the probability p of a return. Spreads: change θ of log σ.
+    Spreads: change θ of log σ.
     """
     if distribution == "count":
         expected = information
         factor = np.log1p(np.maximum(coefficients, -0.99))
         return np.maximum(expected + score, 0) * factor - expected * np.maximum(coefficients, -0.99)
-    if distribution == "probability":
-        other = 1 - probability
-        beams = information * other / probability
-        returned = np.clip(beams * probability + score * other, 0, beams)
-        new = np.clip(probability * (1 + coefficients), 1e-3, 1 - 1e-3)
-        return returned * np.log(new / probability) + (beams - returned) * np.log((1 - new) / other)
     half = information / 2
     ratio = np.clip(np.exp(2 * coefficients), 0.05, 50)
     return 0.5 * ((score + half) * (1 - 1 / ratio) - half * np.log(ratio))

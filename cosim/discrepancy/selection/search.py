@@ -280,14 +280,14 @@ def _choose(
         return frozenset({result.group.name})
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
-    p_value = result.p_value
+    p_value, gain = result.p_value, after.loglik - model.loglik
     if p_value > settings.selection.level:
         rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
-        p_value = p_about_fit(after, group, evidence.dictionary.tested, settings.selection, rng)
+        p_value = p_about_fit(after, group, gain, evidence.dictionary.tested, settings.selection, rng)
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
     alternatives = _rivals(trial, trials)
-    gain, penalty = after.loglik - model.loglik, group.size * max(result.entry.cell.dispersion, 1.0)
+    penalty = group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
 

@@ -14,6 +14,7 @@ from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import Cell, Distribution, cross_fitted_gain, fold_sums, random_effect_gain
+from cosim.discrepancy.selection.returns import count_returns, expected_losses
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
@@ -48,11 +49,9 @@ class Entry:
     unit: float = 1.0
 
     @property
-    def expected_clusters(self) -> tuple[np.ndarray, ...]:
-        """Of counts, expected number (k,) of clusters with an event, for both clusterings."""
-        return tuple(
-            (1 - np.exp(-cluster_information / self.event)).sum(0) for cluster_information in self.cluster_information
-        )
+    def expected_events(self) -> tuple[np.ndarray, ...]:
+        """Of counts, expected number (clusters, k) of events, for both clusterings."""
+        return tuple(cluster_information / self.event for cluster_information in self.cluster_information)
 
     @property
     def score(self) -> np.ndarray:
@@ -156,7 +155,7 @@ def score_shared(
         tables, cluster_information = _summed(score, projector), _summed(information, projector)
         variance = np.array([max(float((table**2).sum()) for table in tables)])
         variance = np.maximum(variance, floor * left / whole)
-        cell = Cell("normal", np.array([[left]]), np.ones(1), True, max(floor / whole, 1.0))
+        cell = Cell("normal", np.array([[left]]), True, max(floor / whole, 1.0))
         share = np.array([left / whole])
         entries.append(
             Entry(one.group, tables, cluster_information, np.array([[left]]), variance, share, cell, False, np.ones(1))
@@ -178,7 +177,7 @@ def evaluate(
         columns = np.arange(end - len(entry.variance), end)
         scale = np.sqrt(np.maximum(np.diag(entry.information), 1e-300))
         correlation = entry.information / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
-        expected = entry.expected_clusters if entry.is_count else None
+        expected = entry.expected_events if entry.is_count else None
         statistics.append(
             Statistic(columns, np.linalg.inv(correlation), entry.group.one_sided, expected,
                       entry.group.is_clustered_by_scan)
@@ -202,7 +201,7 @@ def _project(
 ) -> list[Entry]:
     """Entries of groups with columns, before their gains know the dispersion."""
     found, entries, end = projector.project(joined(groups, len(linearisation.sample))), [], 0
-    seen = linearisation.fitted.prediction.seen
+    folds = _folds_of_beams(projector, settings.folds)
     for group in groups:
         own = slice(end, end + group.size)
         end += group.size
@@ -213,22 +212,18 @@ def _project(
         cluster_information = found.cluster_information[TRACK][:, own], found.cluster_information[PART][:, own]
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
         variance = np.maximum(scatter, found.floor[own])
-        probability, event = np.full(group.size, 0.5), np.ones(group.size)
+        event = np.ones(group.size)
         unit = linearisation.sample.settings.likelihood.reference_share if group.is_count else 1.0
         diagonal = np.diag(information)
-        if group.channel == "drop" and group.basis is not None:
-            weight = abs(group.basis).T @ (linearisation.evidence.information["drop"] > 0).astype(float)
-            probability = (abs(group.basis).T @ (seen * (linearisation.evidence.information["drop"] > 0))) / np.maximum(
-                weight, 1e-9
-            )
-            probability = np.clip(probability, 1e-3, 1 - 1e-3)
-            losses = diagonal * (1 - probability) ** 2 / probability
+        distribution, gains = "random" if found.is_of_random[own].all() else _distribution_of(group), ()
+        if distribution == "probability":
+            losses = expected_losses(linearisation, group)
             variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
+            gains = tuple(count_returns(linearisation, group, fold, settings.folds).gain() for fold in folds)
         if group.is_count:
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
-        distribution = "random" if found.is_of_random[own].all() else _distribution_of(group)
-        cell = Cell(distribution, information, probability, group.one_sided, 1.0)
+        cell = Cell(distribution, information, group.one_sided, 1.0, gains)
         entries.append(
             Entry(group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit)
         )
@@ -248,7 +243,7 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     whole = float(information.sum())
     if whole <= 0:  # a whole setting: score is its gain
         whole = max(float(scatter[0]), 1e-300)
-        gain = Cell("normal", np.array([[whole]]), np.ones(1), True, 1.0)
+        gain = Cell("normal", np.array([[whole]]), True, 1.0)
         cluster_information = tables[TRACK] ** 2, tables[PART] ** 2
         return Entry(
             group, tables, cluster_information, np.array([[whole]]), scatter, np.ones(1), gain, False, np.ones(1)
@@ -257,7 +252,7 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     weight = float((score[events] * sample.share[events]).sum() / max(float(score[events].sum()), 1e-9)) or 1.0
     event = np.array([max(weight, 1e-3)])
     total = np.array([[whole]])
-    cell = Cell("count", total, np.ones(1), True, max(float(event[0]), 1.0))
+    cell = Cell("count", total, True, max(float(event[0]), 1.0))
     variance = np.maximum(scatter, whole * event)
     return Entry(group, tables, cluster_information, total, variance, np.ones(1), cell, True, event)
 
@@ -300,6 +295,8 @@ def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:
     if entry.group.is_count:
         weight = np.maximum(entry.score, 0) + 1e-9
         dispersion = float(np.average(entry.event, weights=weight))
+    elif entry.cell.distribution == "probability":  # no scale can be smaller than that of Bernoulli trials
+        dispersion = max(tails[entry.group.channel], 1.0)
     else:
         dispersion = tails[entry.group.channel]
     return replace(entry, cell=replace(entry.cell, dispersion=max(dispersion, 1e-3)))
@@ -312,10 +309,21 @@ def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.nda
 
 def _gain(entry: Entry, kind: int, folds: int) -> np.ndarray:
     """Gain (folds,) over the clusters of one kind."""
+    if entry.cell.fold_gains:
+        return entry.cell.fold_gains[kind] / entry.cell.dispersion
     if entry.cell.distribution == "random":
         rng = np.random.default_rng([folds, kind])
         return random_effect_gain(entry.tables[kind], entry.cluster_information[kind], folds, rng)
     return cross_fitted_gain(*_folded(entry, kind, folds), entry.cell)
+
+
+def _folds_of_beams(projector: Projector, folds: int) -> list[np.ndarray]:
+    """Fold (n,) int of each beam, for both clusterings: all beams of a cluster are in one fold."""
+    found = []
+    for kind, cluster in enumerate(projector.clusters):
+        rng = np.random.default_rng([folds, kind])
+        found.append((rng.permutation(int(cluster.max(initial=-1)) + 1) % folds)[cluster])
+    return found
 
 
 def _folded(entry: Entry, kind: int, folds: int) -> tuple[np.ndarray, np.ndarray]:

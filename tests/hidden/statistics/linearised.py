@@ -52,7 +52,8 @@ def linearised(
         beams: the n beams.
         scores: by channel.
         random_columns: by channel, the (n, tracks) columns of one random effect per track.
-        estimate: (tracks,) fitted random effects; zero by default.
+        estimate: (tracks,) fitted random effects that the scores are about; by default scores are about no random
+            effects, and these are fitted here.
     """
     n, tracks = len(beams), int(beams.track.max()) + 1
     ones, zero = np.ones(n), np.zeros(n, int)
@@ -70,6 +71,11 @@ def linearised(
         known = known + matrix.T @ sparse.diags(scores[name].information) @ matrix
     precision = np.full(len(used), PRECISION)
     solver = Factored(sparse.csr_matrix(known + sparse.diags(precision)), np.arange(len(used))) if z else None
+    u = np.zeros(tracks) if estimate is None else estimate
+    if estimate is None and solver is not None:
+        u = solver.solve(sum(matrix.T @ scores[name].score for name, matrix in z.items()))
+        for name, matrix in z.items():
+            evidence.score[name] = scores[name].score - scores[name].information * (matrix @ u)  # type: ignore[index]
     mixed = LinearModel({}, z, used, precision, known, np.zeros(len(used), int), solver, evidence)
 
     def clusters_by_sector(sectors: int) -> Clusters:
@@ -79,7 +85,6 @@ def linearised(
 
     random = SimpleNamespace(clusters_by_sector=clusters_by_sector, has_poses=True)
     fitter: Any = SimpleNamespace(sample=sample, random=random)
-    u = np.zeros(tracks) if estimate is None else estimate
     prediction = SimpleNamespace(seen=np.full(n, 0.93))
     fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
     channels = {name: LinearisedChannel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
