@@ -22,8 +22,9 @@ SPURIOUS = ("spurious", "early", "late")
 SPREADS = ("range_variance", "intensity_variance")
 MEANS = ("range", *ANGLES, "intensity", "intensity_offset", "drop")
 
+# Steps of one-sided differences; downwards for `drop`, because a beam that always returns cannot return more often.
 _STEPS = {"range": 1e-4, "azimuth_error": 1e-6, "elevation_error": 1e-6, "intensity": 1e-3, "intensity_offset": 1e-4,
-          "drop": 1e-3, "range_variance": 1e-2, "intensity_variance": 1e-2}  # fmt: skip
+          "drop": -1e-3, "range_variance": 1e-2, "intensity_variance": 1e-2}  # fmt: skip
 _MOST_LOG, _MOST_SHARE, _DARKEST = 3.0, 0.95, 0.01
 
 

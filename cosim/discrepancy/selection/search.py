@@ -156,6 +156,7 @@ def drop_superfluous(
             continue
         less = refit_without(model, term, initial, _STEPS)
         loss = model.loglik - less.loglik
+        _LOG.debug("without %s: %.1f less likely", term.group.name, loss)
         if loss < settings.selection.least_follower + term.penalty:
             on_progress(f"removed {term.group.name}: {loss:.1f} less likely without it")
             rejected.add(term.group.name)
