@@ -112,6 +112,7 @@ class RandomEffectSettings:
     least_albedo: float = 3e-3  # relative
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
+    dependent_m: float = 15.0  # side of the squares of the map whose errors may depend on each other
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface
     flattest: float = 0.5  # minimum share of n·d of a beam and its plane that remains after a rotation
@@ -129,7 +130,6 @@ class Descent:
 
     gain: float = 0.05  # minimum gain in log-likelihood per step
     steps: int = 40  # maximum number of steps
-    halvings: int = 5  # maximum number of step halvings
     ridge: float = 1e-6  # precision of the prior of dependences' coefficients, as a share of their information
     brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # trial factors on the albedo of a map surface in each step
     min_identified_share: float = (

@@ -67,6 +67,10 @@ class Fitted:
     bare: Prediction
 
 
+# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises.
+_ATTEMPTS = ((0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class _State:
     """Current state of a fit; attributes as in `Fitted`."""
@@ -368,15 +372,14 @@ class Fitter:
             columns = self._columns(state, free, slopes)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))
-            step, change_u = model.step(state.estimate, self._min_identified_share(free), prior)
-            step, change_c = step[: len(lists)], step[len(lists) :]
-            step = self._remove_common_gain(state.effects, free, step)
-            if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
-                break
             state = self._update_spurious_shares(state, blur)
             gain, masks = -np.inf, self._step_masks(state.effects, free)
-            for halving in range(self.settings.descent.halvings):
-                fraction = 0.5**halving
+            for damping, fraction in _ATTEMPTS:
+                step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
+                step, change_c = step[: len(lists)], step[len(lists) :]
+                step = self._remove_common_gain(state.effects, free, step)
+                if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
+                    continue
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
                 terms = _step_dependences(state.dependences, fraction * change_c)
                 candidates = [

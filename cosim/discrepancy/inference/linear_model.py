@@ -135,7 +135,11 @@ class LinearModel:
         return replace(self, x=x)
 
     def step(
-        self, estimate: Estimate, min_share: float = 0.0, prior: tuple[np.ndarray, np.ndarray] | None = None
+        self,
+        estimate: Estimate,
+        min_share: float = 0.0,
+        prior: tuple[np.ndarray, np.ndarray] | None = None,
+        damping: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute a Gauss–Newton step of the parameters (p,) and of all random effects (m,).
 
@@ -145,17 +149,16 @@ class LinearModel:
                 elimination of random effects and other parameters; the step has no component along other directions,
                 which are not identifiable.
             prior: precisions (p,) of normal priors of the parameters, and current distances (p,) from their means.
+            damping: share of each parameter's own information that is added to it (Marquardt, SIAM J. 1963).
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
         if self.parameters:
             gradient = self._scored(self.x, self.parameters) - self._across.T @ self._solve(right)
-            if prior is None:
-                step = self._restricted_step(gradient, self.fixed_information, min_share)
-            else:
-                step = self._restricted_step(
-                    gradient - prior[0] * prior[1], self.fixed_information + np.diag(prior[0]), min_share
-                )
+            information = self.fixed_information + damping * np.diag(self.own_information_diagonal)
+            if prior is not None:
+                gradient, information = gradient - prior[0] * prior[1], information + np.diag(prior[0])
+            step = self._restricted_step(gradient, information, min_share)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change

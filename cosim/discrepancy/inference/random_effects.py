@@ -28,7 +28,7 @@ class Clusters:
     """Clusters of n beams that share errors: by the object or place that they hit, and by scan.
 
     Attributes:
-        track: (n,) int number of the instance, or of the map cell.
+        track: (n,) int number of the instance, or of a square of the map.
         scan: (n,) int number of the scan.
         part: (n,) int number of the scan, or of the sector of a scan if there are few scans.
         unit_track, unit_scan: (m,) int track and scan that each random effect belongs to; −1 for none.
@@ -171,8 +171,12 @@ class RandomEffects:
 
     @cached_property
     def clusters(self) -> Clusters:
-        """Clusters of the beams and random effects, for robust (sandwich) variances."""
+        """Clusters of the beams and random effects, for robust (sandwich) variances.
+
+        Map cells are joined to larger squares, because displaced buildings are larger than a cell.
+        """
         sample = self.sample
+        cluster = _joined_cells(sample)
         sectors = -(-self._settings.fewest_parts // max(len(sample.names), 1))
         sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
         track, scan = np.full(self.size, -1), np.full(self.size, -1)
@@ -185,9 +189,9 @@ class RandomEffects:
             rows, used = self.rows(name), number >= 0
             if rows.stop > rows.start:
                 of_unit = np.zeros((rows.stop - rows.start) // each, int)
-                of_unit[number[used]] = sample.track[used]
+                of_unit[number[used]] = cluster[used]
                 track[rows] = np.repeat(of_unit, each)
-        return Clusters(sample.track, sample.frame, sample.frame * sectors + sector, track, scan)
+        return Clusters(cluster, sample.frame, sample.frame * sectors + sector, track, scan)
 
     def clusters_by_sector(self, sectors: int) -> Clusters:
         """Return the clusters with each scan divided into this number of azimuth sectors."""
@@ -440,3 +444,14 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._designs[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._designs[block.name]
+
+
+def _joined_cells(sample: Sample) -> np.ndarray:
+    """Number (n,) of the instance, square of the map, or sector of the sky that each beam hits."""
+    cells = sample.cells
+    is_cell = np.isfinite(cells[:, 0])
+    keys = np.zeros((len(cells), 4), int)
+    keys[~is_cell, 0] = 1 + np.flatnonzero(~is_cell)
+    keys[is_cell, 1] = cells[is_cell, 0]
+    keys[is_cell, 2:] = np.floor(cells[is_cell, 1:] / sample.settings.random_effects.dependent_m)
+    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)[sample.track]

@@ -4,6 +4,8 @@ A strong effect on few clusters makes all of their scores large and of one sign,
 reach its statistic often. About the fit the scores hold nothing but noise: their signs give the reference distribution.
 The statistic is the likelihood ratio, not Wald's, which grows without limit where the likelihood is flat: a beam that
 always returns cannot return more often, whatever its coefficient (Hauck and Donner, J. Am. Stat. Assoc. 1977).
+The score of each cluster is taken about the fit to the other clusters, because its own influence makes it smaller (the
+jackknife CR3: Cameron and Miller, J. Hum. Resour. 2015).
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from cosim.discrepancy.inference.score import ridged, stacked
 from cosim.discrepancy.selection.calibration import random_signs, surprise
 from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.settings import Selection
+
+_RIDGE = 1e-3  # share of the information that a prior at 0 has
 
 
 def p_about_fit(
@@ -36,7 +40,7 @@ def p_about_fit(
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     fitted, columns = model.fitted, linearisation.fitted.columns
-    at = _index(model, group)
+    at, size = _index(model, group)
     if at is None:
         return 1.0
     others = tuple(column for row, column in enumerate(columns) if row != at)
@@ -49,6 +53,7 @@ def p_about_fit(
     for number, table in enumerate(found.tables):
         if number == 1 and not group.is_clustered_by_scan:
             continue
+        table = _about_others(table, found.cluster_information[number], np.diag(found.information) * size)
         used = table[np.abs(table).sum(1) > 0]
         drawn = random_signs(len(used), settings.confirm_draws, rng)[1:] @ used
         values = np.append(observed, np.einsum("dk,kl,dl->d", drawn, precision, drawn))
@@ -57,14 +62,30 @@ def p_about_fit(
     return min(worst * tested, 1.0)
 
 
-def _index(model: FittedModel, group: Group) -> int | None:
-    """Row of the term among the columns of the fit."""
+def _about_others(table: np.ndarray, information: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Scores (clusters, k) about coefficients that are fitted without the cluster, column by column.
+
+    Args:
+        table: scores about the fit.
+        information: (clusters, k) of each cluster.
+        pull: (k,) information times the coefficient: where a cluster is the only one, its score without a fit.
+    """
+    leverage = information / np.maximum(information.sum(0), 1e-300)
+    rest = 1 - leverage
+    without = (rest * pull - table) / (rest + _RIDGE)  # information times the coefficient of the others
+    return table + leverage * (pull - without)
+
+
+def _index(model: FittedModel, group: Group) -> tuple[int | None, np.ndarray]:
+    """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
     fitted = model.fitted
     if not group.is_effect:
-        return len(fitted.columns) - 1
+        return len(fitted.columns) - 1, fitted.dependences[-1].coefficients
     tangent = group.tangent
     assert tangent is not None  # of an effect
     for row, free in enumerate(fitted.free):
-        if fitted.effects[free.effect].name == tangent.effect.name and free.unknown.name == tangent.amplitude:
-            return row
-    return None
+        effect = fitted.effects[free.effect]
+        if effect.name == tangent.effect.name and free.unknown.name == tangent.amplitude:
+            neutral = np.asarray(getattr(tangent.effect, tangent.amplitude), float) - tangent.step
+            return row, np.atleast_1d(np.asarray(getattr(effect, tangent.amplitude), float) - neutral)
+    return None, np.zeros(0)

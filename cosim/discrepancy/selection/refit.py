@@ -21,7 +21,7 @@ from cosim.discrepancy.inference.parameters import all_free
 from sensors.effects.base import Effect
 
 _REFIT_STEPS = 10
-_STRENGTHS = (1.0, 0.3, 3.0)  # times the coefficients of one Gauss–Newton step, from which a fit may start
+_STRENGTHS = (1.0, 0.3, 3.0, 0.03)  # times the coefficients of one Gauss–Newton step, from which a fit may start
 
 
 @dataclass(frozen=True, eq=False)

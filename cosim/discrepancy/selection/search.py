@@ -260,8 +260,10 @@ def _choose(
         shortlist += _shortlist(earlier[0], earlier, results, settings) if earlier else []
     trials = []
     for result in shortlist:
+        # Shape parameters of effects start far from their values.
+        steps = settings.descent.steps if result.group.is_effect else _ROUGH_STEPS
         after, _ = refit_with(
-            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_ROUGH_STEPS
+            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=steps
         )
         trials.append(_Trial(result, after.loglik - model.loglik))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
