@@ -447,11 +447,19 @@ class RandomEffects:
 
 
 def _joined_cells(sample: Sample) -> np.ndarray:
-    """Number (n,) of the instance, square of the map, or sector of the sky that each beam hits."""
-    cells = sample.cells
+    """Number (n,) of the instance, square of map cells, or sector of the sky that each beam hits.
+
+    Squares get smaller where the map is so small that there would be few of them.
+    """
+    cells, settings = sample.cells, sample.settings
     is_cell = np.isfinite(cells[:, 0])
     keys = np.zeros((len(cells), 4), int)
     keys[~is_cell, 0] = 1 + np.flatnonzero(~is_cell)
     keys[is_cell, 1] = cells[is_cell, 0]
-    keys[is_cell, 2:] = np.floor(cells[is_cell, 1:] / sample.settings.random_effects.dependent_m)
-    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)[sample.track]
+    number = np.arange(len(cells))
+    for side in range(settings.random_effects.dependent_cells, 0, -1):
+        keys[is_cell, 2:] = np.floor(cells[is_cell, 1:] / (side * settings.sampling.cell_m))
+        number = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        if len(np.unique(number[is_cell])) >= settings.random_effects.fewest_squares:
+            break
+    return number[sample.track]

@@ -88,7 +88,9 @@ def expected_losses(linearisation: Linearisation, group: Group) -> np.ndarray:
 
 def _trials(linearisation: Linearisation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Predicted probability of a return, weighted number of returns, and of returns and losses together (n,) each."""
-    score, information = (values["drop"] for values in (linearisation.evidence.score, linearisation.evidence.information))
+    score, information = (
+        values["drop"] for values in (linearisation.evidence.score, linearisation.evidence.information)
+    )
     least = linearisation.sample.settings.likelihood.lost_share
     p = np.clip(linearisation.fitted.prediction.seen, least, 1 - least)
     trials = information * p * (1 - p)

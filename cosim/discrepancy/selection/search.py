@@ -222,10 +222,12 @@ class _Trial:
     Attributes:
         result: of the candidate.
         gain: marginal log-likelihood that the refit gains.
+        model: refitted.
     """
 
     result: GroupTest
     gain: float
+    model: FittedModel
 
     @property
     def penalty(self) -> float:
@@ -265,20 +267,16 @@ def _choose(
         after, _ = refit_with(
             model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=steps
         )
-        trials.append(_Trial(result, after.loglik - model.loglik))
+        trials.append(_Trial(result, after.loglik - model.loglik, after))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
     needed = {one: needed_gain(one.result.group, model, settings) for one in trials}
     if trial.net_gain < needed[trial]:
         return frozenset(one.result.group.name for one in trials if one.net_gain < needed[one])
     result = trial.result
-    after, group = refit_with(
-        model, evidence.linearisation, result.group, result.entry.coefficients, fine=True, steps=_STEPS
-    )
-    if after.loglik - model.loglik < trial.gain and group is not result.group:  # finer bins led its steps astray
-        after, group = refit_with(
-            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=_STEPS
-        )
+    after, group = trial.model, result.group
+    if not group.is_effect:
+        after, group = _refined(model, evidence, trial)
     if after.loglik - model.loglik - trial.penalty < needed_gain(group, model, settings):
         return frozenset({result.group.name})
     if group.frequency_hz:
@@ -293,6 +291,18 @@ def _choose(
     penalty = group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> tuple[FittedModel, Group]:
+    """A dependence fitted to convergence, in its finest bins where these are more likely than those of the trial."""
+    result = trial.result
+    for fine in (True, False):
+        after, group = refit_with(
+            model, evidence.linearisation, result.group, result.entry.coefficients, fine=fine, steps=_STEPS
+        )
+        if after.loglik - model.loglik >= trial.gain or group is result.group:
+            break
+    return after, group
 
 
 def _best_alias(
