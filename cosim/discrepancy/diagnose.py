@@ -23,7 +23,7 @@ from cosim.discrepancy.analysis import (
     is_accurate,
     trace_and_fit,
 )
-from cosim.discrepancy.budget import budget_of
+from cosim.discrepancy.budget import PARTS, Budget, FramePairs, budget_of
 from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.data.wiring import Exchange, exchanged_rings
@@ -273,6 +273,7 @@ def conclude(
     on = FittedFrames(context.split.fit, model.frames, model.fitter, fitted)
     held_out = fit_held_out(context, fitted.effects) if context.split.is_held_out else on
     budget, frame_pairs = budget_of(context, held_out, _steps(context, fitted.effects, findings))
+    needed = _needed(context, frame_pairs, budget, fitted.effects, findings)
     effects, unknowns = [], []
     for number, one in enumerate(findings):
         effect = next(effect for effect in fitted.effects if effect.name == one.name)
@@ -298,6 +299,7 @@ def conclude(
         spreads=_spreads(on),
         notes=(*_wiring_notes(exchanged), *_notes(context, on)),
         frame_pairs=frame_pairs,
+        needed=needed,
         settings=context.settings,
         refitted={
             effect.name: {"params": effect.model_dump(mode="json"), "ci95": ci95.get(effect.name, {})}
@@ -333,10 +335,12 @@ def _catalogue(context: Context) -> set[str]:
     return {kind.name for kind in context.candidates} | {effect.name for effect in context.initial_effects}
 
 
-def _steps(context: Context, effects: tuple[Effect, ...], findings: Sequence[_Finding]) -> list[tuple[Effect, ...]]:
-    """The model after each finding, with the final values of those found so far."""
+def _steps(
+    context: Context, effects: tuple[Effect, ...], findings: Sequence[_Finding], left_out: str = ""
+) -> list[tuple[Effect, ...]]:
+    """The model after each finding, with the final values of those found so far, and without `left_out`."""
     initial = context.initial_effects
-    names = {one.name for one in findings}
+    names = {*(one.name for one in findings), left_out}
     final = {effect.name: effect for effect in effects}
     own = [final[effect.name] if effect.name in context.refitted else effect for effect in initial]
     models, present = [tuple(own)], set[str]()
@@ -346,6 +350,27 @@ def _steps(context: Context, effects: tuple[Effect, ...], findings: Sequence[_Fi
         added = [effect for effect in effects[len(initial) :] if effect.name in present or effect.name not in names]
         models.append((*there, *added))
     return models
+
+
+def _needed(
+    context: Context,
+    frame_pairs: FramePairs,
+    budget: Budget,
+    effects: tuple[Effect, ...],
+    findings: Sequence[_Finding],
+) -> frozenset[str]:
+    """Names of findings after which the error rises, but without which the error of all together is higher.
+
+    Effects that compensate each other, such as gains of lasers and a falloff with range, lower the error only together.
+    """
+    errors, found = [step.error for step in budget.aligned_steps], set[str]()
+    for one, before, after in zip(findings, errors, errors[1:], strict=False):
+        if after >= before and len(findings) > 1:
+            others = [other for other in findings if other is not one]
+            without = frame_pairs.align(_steps(context, effects, others, left_out=one.name)[-1])
+            if without.error(PARTS) > errors[-1]:
+                found.add(one.name)
+    return frozenset(found)
 
 
 def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:

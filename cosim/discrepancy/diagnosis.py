@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -82,6 +82,7 @@ class ErrorChange:
         name: of the effect.
         before, after: errors, aligned where poses, objects and map were fitted.
         mean, half_interval: of the changes of single frames; NaN with fewer than two frames.
+        is_needed: whether the error of all findings together rises without this one.
     """
 
     name: str
@@ -89,11 +90,12 @@ class ErrorChange:
     after: float
     mean: float
     half_interval: float
+    is_needed: bool = False
 
     @property
     def is_fall(self) -> bool:
-        """Whether the error is lower with the finding."""
-        return self.after < self.before
+        """Whether the error is lower with the finding: than before it, or than with all others but without it."""
+        return self.after < self.before or self.is_needed
 
     @property
     def is_significant(self) -> bool:
@@ -122,6 +124,7 @@ class Diagnosis:
         frame_pairs: held-out frames under the initial and the final model, for pages.
         refitted: `params` and `ci95` of the effects of the sensor that were refitted, by name.
         worth: the change of a detector's average precision by each finding, if requested.
+        needed: names of findings that lower the error only together with later ones.
         settings: numeric choices.
     """
 
@@ -142,6 +145,7 @@ class Diagnosis:
     frame_pairs: FramePairs | None = None
     refitted: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     worth: Worth | None = None
+    needed: frozenset[str] = frozenset()
     settings: Settings = DEFAULT
 
     @property
@@ -194,7 +198,8 @@ class Diagnosis:
         """Changes of the held-out error, finding by finding, in the order in which they were added."""
         steps = self.budget.aligned_steps if len(self.budget.aligned_steps) > 1 else self.budget.steps
         rows = zip(self._names, pairwise(steps), strict=False)
-        return tuple(_change(name, before, after, self.settings) for name, (before, after) in rows)
+        changes = [_change(name, before, after, self.settings) for name, (before, after) in rows]
+        return tuple(replace(change, is_needed=change.name in self.needed) for change in changes)
 
     @property
     def _names(self) -> list[str]:

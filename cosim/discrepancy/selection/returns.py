@@ -28,18 +28,20 @@ class ReturnCounts:
         probability: (c,) predicted probability of each class.
         sign: (c,) sign of the column's values in each class.
         returned, lost: (folds, k, c) weighted numbers of beams.
+        least: smallest probability of a return, and of a loss.
     """
 
     probability: np.ndarray
     sign: np.ndarray
     returned: np.ndarray
     lost: np.ndarray
+    least: float
 
     def gain(self) -> np.ndarray:
         """Gain (folds,) in log-likelihood on each fold of the change (k,) that is the best for the other folds."""
         changes = np.concatenate([[0.0], _RISES, _FALLS])
-        least = 1 - self.probability.max()
-        new = np.clip(self.probability * (1 + changes[:, None] * self.sign), least, 1 - least)  # (changes, c)
+        new = self.probability * (1 + changes[:, None] * self.sign)  # (changes, c)
+        new = np.clip(new, self.least, 1 - self.least)
         of_return, of_loss = np.log(new / self.probability), np.log((1 - new) / (1 - self.probability))
         loglik = self.returned @ of_return.T + self.lost @ of_loss.T  # (folds, k, changes)
         rest = loglik.sum(0) - loglik
@@ -76,7 +78,7 @@ def count_returns(linearisation: Linearisation, group: Group, fold: np.ndarray, 
         np.bincount(at, values[row] * size, int(np.prod(shape))).reshape(shape)
         for values in (returned, trials - returned)
     ]
-    return ReturnCounts(np.tile(probability, 2), np.repeat([1.0, -1.0], _CLASSES), counts[0], counts[1])
+    return ReturnCounts(np.tile(probability, 2), np.repeat([1.0, -1.0], _CLASSES), counts[0], counts[1], least)
 
 
 def expected_losses(linearisation: Linearisation, group: Group) -> np.ndarray:

@@ -14,6 +14,7 @@ from assets.shapes import box
 from cosim.discrepancy.analysis import Context, context_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.inference import likelihood
+from cosim.discrepancy.inference.dependence import channel_slopes
 from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of, shares_of_neither
 from cosim.discrepancy.inference.score import Evidence
@@ -188,3 +189,17 @@ def test_other_side_of_an_edge_ignores_the_pane_there(tmp_path: Path) -> None:
     for number, replay in enumerate(replays):
         assert sample.first[sample.frame == number][replay.pane_beam].all()
         assert np.isfinite(replay.shot(()).hits.pane.range_m).all()
+
+
+def test_edges_against_the_sky_are_marked_and_losses_there_are_no_evidence(frames) -> None:
+    sample = _sampled(frames)
+    misses = np.bincount(sample.own, ~np.isfinite(sample.range_m), len(sample))[sample.own] > 0
+    assert np.array_equal(sample.beside_sky, sample.edge & misses)
+    assert 0 < sample.beside_sky.sum() < sample.edge.sum()
+
+
+def test_a_beam_that_always_returns_can_be_lost(context: Context, frames) -> None:
+    sample = _sampled(frames)
+    expected = replace(_expected(context, sample), seen=np.ones(len(sample)))
+    slope = channel_slopes(sample, expected, {}, ["drop"])["drop"]["drop"]
+    np.testing.assert_allclose(slope[np.isfinite(expected.range_m)], 1)

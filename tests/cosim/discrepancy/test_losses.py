@@ -1,0 +1,73 @@
+"""Losses of beams that nearly always return: gains, significance about the fit, damped steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.selection.confirm import _about_others
+from cosim.discrepancy.selection.returns import ReturnCounts
+
+FOLDS = 8
+
+
+def _counts(share_lost: float, p: float, beams: int = 4000) -> ReturnCounts:
+    """One column of beams with the predicted probability p, of which a share is lost in every fold."""
+    lost = np.full((FOLDS, 1, 1), beams / FOLDS * share_lost)
+    return ReturnCounts(np.array([p]), np.ones(1), beams / FOLDS - lost, lost, 1e-3)
+
+
+@pytest.mark.parametrize(("share_lost", "p"), [(0.03, 0.999), (0.5, 0.7), (0.1, 0.7)])
+def test_gain_is_that_of_the_share_that_is_lost(share_lost: float, p: float) -> None:
+    kept = 1 - share_lost
+    expected = 4000 * (kept * np.log(kept / p) + share_lost * np.log(share_lost / (1 - p)))
+    gain = _counts(share_lost, p).gain()
+    assert gain.shape == (FOLDS,)
+    assert gain.sum() == pytest.approx(expected, rel=0.05)
+
+
+def test_beams_that_always_return_gain_nothing_where_none_is_lost() -> None:
+    assert _counts(0.0, 0.999).gain().sum() == 0
+
+
+def test_losses_of_one_fold_only_gain_nothing() -> None:
+    lost = np.full((FOLDS, 1, 1), 5.0)
+    lost[0] = 35
+    counts = ReturnCounts(np.array([0.99]), np.ones(1), 500 - lost, lost, 1e-3)
+    assert counts.gain().sum() < 0
+
+
+def test_scores_of_clusters_are_about_the_fit_to_the_others() -> None:
+    rng, information = np.random.default_rng(0), np.array([[1.0], [3.0], [4.0], [2.0]])
+    measured = 0.5 * information + np.sqrt(information) * rng.normal(size=(4, 1))
+    fitted = measured.sum() / information.sum()
+    table = measured - information * fitted
+    found = _about_others(table, information, np.array([fitted * information.sum()]))
+    rest = [
+        (measured.sum() - own) / (information.sum() - known) for own, known in zip(measured, information, strict=True)
+    ]
+    np.testing.assert_allclose(found, measured - information * np.array(rest), rtol=5e-3, atol=5e-3)
+
+
+def test_the_only_cluster_has_its_score_without_a_fit() -> None:
+    found = _about_others(np.array([[0.0]]), np.array([[9.0]]), np.array([4.5]))
+    assert found[0, 0] == pytest.approx(4.5)
+
+
+def test_damping_shortens_the_step_along_the_direction_that_two_parameters_share() -> None:
+    root = np.array([[1.0, 0.999], [1.0, 1.001], [1.0, 1.0]])
+    evidence = Evidence({"range": np.array([1.0, -1.0, 0.2])}, {"range": np.ones(3)})
+    empty, none = np.zeros(0), np.zeros(0, int)
+    model = LinearModel(
+        {"range": sparse.csr_matrix(root)}, {}, none, empty, sparse.csr_matrix((0, 0)), none, None, evidence
+    )
+    plain, _ = model.step(Estimate(empty, empty))
+    damped, _ = model.step(Estimate(empty, empty), damping=0.1)
+    gradient = root.T @ evidence.score["range"]
+    assert np.abs(plain).max() > 100
+    assert np.abs(damped).max() < 1
+    assert damped @ gradient > 0, "the likelihood rises along the step"
