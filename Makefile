@@ -7,7 +7,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 SECTIONS := lidar growth stages rates sizes memory loop effects
 
-.PHONY: demo test slow check docs pictures bench hidden fuzz setup setup-dev clean $(SECTIONS)
+.PHONY: demo test test-lowest slow check docs pictures bench hidden fuzz setup setup-dev clean $(SECTIONS)
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -15,6 +15,9 @@ demo: setup
 
 test: setup-dev
 	$(PYTHON) -m pytest -n 2 --dist worksteal
+
+test-lowest:
+	@sh tools/lowest.sh  # in out/lowest: the lowest versions of the dependencies that pyproject.toml allows
 
 slow: setup-dev
 	@echo "make slow: every town, fifty kills, an installation, all blocks of the docs; hours on two cores" >&2

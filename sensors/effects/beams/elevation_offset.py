@@ -20,7 +20,13 @@ class ElevationOffset(BeamEffect):
     channel: ClassVar = "range"
     equation: ClassVar = "elevation_true = elevation + offset"
     reference: ClassVar = "Deschaud: IMLS-SLAM, ICRA 2018 (about 0.2° in KITTI's scans)"
-    confusable_with: ClassVar = ("mount_rotation", "ring_elevation", "suspension_pitch", "mount_translation")
+    confusable_with: ClassVar = (
+        "mount_rotation",
+        "ring_elevation",
+        "suspension_pitch",
+        "mount_translation",
+        "dual_block",
+    )
     example: ClassVar = {"offset_deg": 0.5}
     neutral: ClassVar = {"offset_deg": 0.0}
 

@@ -21,7 +21,14 @@ class MountTranslation(BeamEffect):
     channel: ClassVar = "pose"
     equation: ClassVar = "T_true = T · translation(x, y, z)"
     reference: ClassVar = "Levinson, Thrun: Automatic online calibration of cameras and lasers, RSS 2013"
-    confusable_with: ClassVar = ("range_bias", "dual_block", "time_offset", "box_shrink")
+    confusable_with: ClassVar = (
+        "range_bias",
+        "dual_block",
+        "time_offset",
+        "box_shrink",
+        "elevation_offset",
+        "encoder_eccentricity",
+    )
     example: ClassVar = {"x_m": 0.3, "y_m": 0.0, "z_m": 0.0}
     neutral: ClassVar = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0}
 

@@ -21,7 +21,7 @@ class TimeOffset(BeamEffect):
     channel: ClassVar = "pose"
     equation: ClassVar = "t → t + delay for ego and objects"
     reference: ClassVar = "Rehder et al.: A general approach to spatiotemporal calibration, T-RO 2016"
-    confusable_with: ClassVar = ("sweep_motion", "mount_translation")
+    confusable_with: ClassVar = ("sweep_motion", "mount_translation", "encoder_eccentricity")
     example: ClassVar = {"delay_s": 0.1}
     neutral: ClassVar = {"delay_s": 0.0}
 

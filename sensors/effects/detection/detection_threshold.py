@@ -21,7 +21,15 @@ class DetectionThreshold(DetectionEffect):
     equation: ClassVar = "P(kept) = 1/(1 + exp(−(I − threshold)/softness))"
     reference: ClassVar = "Richmond, Cain: Direct-Detection LADAR Systems, SPIE 2010, ch. 3"
     taxonomy: ClassVar = "di3"
-    confusable_with: ClassVar = ("random_dropout", "max_range", "atmospheric_extinction")
+    confusable_with: ClassVar = (
+        "random_dropout",
+        "max_range",
+        "atmospheric_extinction",
+        "wet_road",
+        "pulse_detection",
+        "path_dropout",
+        "intensity_cutoff",
+    )
     example: ClassVar = {"threshold": 0.2, "softness": 0.02}
     neutral: ClassVar = {"threshold": 0.0, "softness": 0.0001}
     shapes: ClassVar = tuple(

@@ -21,7 +21,7 @@ class MaxRange(EchoEffect):
     equation: ClassVar = "kept while R ≤ range·√(ρ/0.1)"
     reference: ClassVar = "Velodyne and Ouster data sheets; signal ∝ ρ/R² for targets wider than the beam"
     taxonomy: ClassVar = "re1"
-    confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction")
+    confusable_with: ClassVar = ("detection_threshold", "atmospheric_extinction", "pulse_detection")
     example: ClassVar = {"range_m": 30.0}
     neutral: ClassVar = {"range_m": 1000.0}
     shapes: ClassVar = tuple({"range_m": range_m} for range_m in (20.0, 35.0, 50.0, 70.0, 100.0))

@@ -25,7 +25,13 @@ class PathDropout(DetectionEffect):
     equation: ClassVar = "P(kept) = exp(−R/L)"
     reference: ClassVar = "Beer–Lambert law for random obstacles; lost firings of KITTI's scans"
     taxonomy: ClassVar = "di1"
-    confusable_with: ClassVar = ("random_dropout", "detection_threshold", "pulse_detection")
+    confusable_with: ClassVar = (
+        "random_dropout",
+        "detection_threshold",
+        "pulse_detection",
+        "foliage_loss",
+        "laser_dropout",
+    )
     example: ClassVar = {"mean_path_m": 40.0}
     is_candidate: ClassVar = False
 

@@ -28,7 +28,7 @@ class PulseDetection(DetectionEffect):
         "Richmond, Cain: Direct-Detection LADAR Systems, SPIE 2010, ch. 3; lost firings of KITTI's scans"
     )
     taxonomy: ClassVar = "di3"
-    confusable_with: ClassVar = ("detection_threshold", "random_dropout", "max_range")
+    confusable_with: ClassVar = ("detection_threshold", "random_dropout", "max_range", "weak_signal", "path_dropout")
     example: ClassVar = {"signal": 0.2, "steepness": 4.0}
     neutral: ClassVar = {"signal": 0.0, "steepness": 3.0}
     is_candidate: ClassVar = False

@@ -21,7 +21,18 @@ class RandomDropout(DetectionEffect):
     equation: ClassVar = "P(lost) = probability"
     reference: ClassVar = "Manivasagam et al.: LiDARsim, CVPR 2020, section 4.2"
     taxonomy: ClassVar = "di1"
-    confusable_with: ClassVar = ("detection_threshold",)
+    confusable_with: ClassVar = (
+        "detection_threshold",
+        "glass_transmission",
+        "pulse_detection",
+        "foliage_loss",
+        "laser_dropout",
+        "own_shadow",
+        "own_silhouette",
+        "path_dropout",
+        "intensity_cutoff",
+        "angular_downsampling",
+    )
     example: ClassVar = {"probability": 0.2}
     neutral: ClassVar = {"probability": 0.0}
 

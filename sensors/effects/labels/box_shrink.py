@@ -29,7 +29,7 @@ class BoxShrink(LabelEffect):
     channel: ClassVar = "label"
     equation: ClassVar = "edge − (a + b·d), d = edge − extent of its points"
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, label bias; lift 0.04 m from its published code"
-    confusable_with: ClassVar = ("few_points",)
+    confusable_with: ClassVar = ("few_points", "mount_translation", "range_bias")
     example: ClassVar = {"a_m": (0.2, 0.05, 0.05), "b": (0.25, 0.25, 0.05), "lift_m": 0.04}
 
     a_m: per_axis(0, 2) = Field(  # type: ignore[valid-type]

@@ -25,7 +25,15 @@ class AtmosphericExtinction(EchoEffect):
     equation: ClassVar = "I·exp(−2αR), lost below 0.005"
     reference: ClassVar = "Rasshofer et al.: Influences of weather on automotive laser radar, Adv. Radio Sci. 2011"
     taxonomy: ClassVar = "sp18"
-    confusable_with: ClassVar = ("range_falloff", "focal_response", "detection_threshold")
+    confusable_with: ClassVar = (
+        "range_falloff",
+        "focal_response",
+        "detection_threshold",
+        "wet_road",
+        "receiver_focus",
+        "linear_falloff",
+        "max_range",
+    )
     example: ClassVar = {"alpha_per_m": 0.02}
     neutral: ClassVar = {"alpha_per_m": 0.0}
 

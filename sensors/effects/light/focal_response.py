@@ -21,7 +21,7 @@ class FocalResponse(EchoEffect):
     channel: ClassVar = "intensity"
     equation: ClassVar = "I + slope/255·|256(1 − f/13100)² − 256(1 − d/65535)²|"
     reference: ClassVar = "Velodyne HDL-64E S2 user's manual, Appendix: intensity compensation"
-    confusable_with: ClassVar = ("range_falloff", "atmospheric_extinction")
+    confusable_with: ClassVar = ("range_falloff", "atmospheric_extinction", "receiver_focus")
     example: ClassVar = {"focal_distance_m": 12.0, "slope": 1.3}
     neutral: ClassVar = {"focal_distance_m": 12.0, "slope": 0.0}
     shapes: ClassVar = tuple({"focal_distance_m": focus} for focus in (2.0, 7.0, 12.0, 20.0, 40.0))

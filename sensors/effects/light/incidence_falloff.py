@@ -22,7 +22,15 @@ class IncidenceFalloff(EchoEffect):
     equation: ClassVar = "I·cosⁿθ"
     reference: ClassVar = "Kashani et al.: A review of LiDAR radiometric processing, Sensors 2015"
     taxonomy: ClassVar = "sp51"
-    confusable_with: ClassVar = ("incidence_bias", "range_falloff", "paint_gloss")
+    confusable_with: ClassVar = (
+        "incidence_bias",
+        "range_falloff",
+        "paint_gloss",
+        "wet_road",
+        "projected_intensity",
+        "ring_gain",
+        "detector_compression",
+    )
     example: ClassVar = {"exponent": 1.0}
     neutral: ClassVar = {"exponent": 0.0}
 

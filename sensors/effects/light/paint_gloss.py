@@ -22,7 +22,7 @@ class PaintGloss(EchoEffect):
     equation: ClassVar = "I·((1 − gloss) + gloss·cosⁿθ) on paint"
     reference: ClassVar = "Schlick: An inexpensive BRDF model for physically-based rendering, Eurographics 1994"
     taxonomy: ClassVar = "sp47"
-    confusable_with: ClassVar = ("incidence_falloff",)
+    confusable_with: ClassVar = ("incidence_falloff", "projected_intensity")
     example: ClassVar = {"gloss": 0.8, "exponent": 8.0}
     neutral: ClassVar = {"gloss": 0.0, "exponent": 8.0}
     is_candidate: ClassVar = False

@@ -22,7 +22,16 @@ class RangeFalloff(EchoEffect):
     equation: ClassVar = "I·(1 + R/R0)^−p"
     reference: ClassVar = "Höfle, Pfeifer: Correction of laser scanning intensity data, ISPRS J. 2007"
     taxonomy: ClassVar = "sp39"
-    confusable_with: ClassVar = ("atmospheric_extinction", "focal_response", "incidence_falloff")
+    confusable_with: ClassVar = (
+        "atmospheric_extinction",
+        "focal_response",
+        "incidence_falloff",
+        "receiver_focus",
+        "linear_falloff",
+        "ring_gain",
+        "detector_compression",
+        "intensity_floor",
+    )
     example: ClassVar = {"reference_m": 30.0, "exponent": 2.0}
     neutral: ClassVar = {"reference_m": 30.0, "exponent": 0.0}
     shapes: ClassVar = ({"reference_m": 5.0}, {"reference_m": 15.0}, {"reference_m": 50.0}, {"reference_m": 150.0})

@@ -22,7 +22,7 @@ class Retroreflection(EchoEffect):
     equation: ClassVar = "I·gain on retro materials"
     reference: ClassVar = "Muckenhuber et al.: Automotive lidar modelling by material properties, Sensors 2020"
     taxonomy: ClassVar = "sp47"
-    confusable_with: ClassVar = ("blooming",)
+    confusable_with: ClassVar = ("blooming", "projected_intensity")
     example: ClassVar = {"gain": 5.0}
     neutral: ClassVar = {"gain": 1.0}
 

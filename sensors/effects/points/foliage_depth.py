@@ -27,7 +27,7 @@ class FoliageDepth(PointEffect):
     channel: ClassVar = "range"
     equation: ClassVar = "R + s on foliage, p(s) ∝ exp(−s/mean), 0 ≤ s ≤ most"
     reference: ClassVar = "Ross: The Radiation Regime and Architecture of Plant Stands, 1981, part I (G = 0.5)"
-    confusable_with: ClassVar = ("range_noise", "beam_divergence")
+    confusable_with: ClassVar = ("range_noise", "beam_divergence", "surface_relief")
     example: ClassVar = {"mean_m": 0.3, "most_m": 1.0}
     neutral: ClassVar = {"mean_m": 0.0, "most_m": 1.0}
 

@@ -23,7 +23,7 @@ class IncidenceBias(PointEffect):
     equation: ClassVar = "R + g·min(tan θ, 10)"
     reference: ClassVar = "Soudarissanane et al.: Scanning geometry, ISPRS J. 2011"
     taxonomy: ClassVar = "sp45"
-    confusable_with: ClassVar = ("range_walk", "beam_divergence")
+    confusable_with: ClassVar = ("range_walk", "beam_divergence", "incidence_falloff")
     example: ClassVar = {"gain_m": 0.05}
     neutral: ClassVar = {"gain_m": 0.0}
 

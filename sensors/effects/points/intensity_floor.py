@@ -32,7 +32,7 @@ class IntensityFloor(PointEffect):
     equation: ClassVar = "I' = max(I − floor, 0)/(1 − floor); P(zero) = 1/(1 + exp((I' − least)/softness))"
     reference: ClassVar = "Velodyne HDL-64E S2 calibration, minIntensity; share of zeros measured on KITTI"
     taxonomy: ClassVar = "pp1"
-    confusable_with: ClassVar = ("range_falloff", "intensity_quantization")
+    confusable_with: ClassVar = ("range_falloff", "intensity_quantization", "weak_signal", "intensity_cutoff")
     example: ClassVar = {"floor": 0.1, "least": 0.1, "softness": 0.02}
     neutral: ClassVar = {"floor": 0.0, "least": 0.0, "softness": 0.0}
     is_candidate: ClassVar = False

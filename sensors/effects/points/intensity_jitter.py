@@ -21,7 +21,13 @@ class IntensityJitter(NoiseEffect):
     channel: ClassVar = "intensity_variance"
     equation: ClassVar = "I + N(0, σ²)"
     reference: ClassVar = "Synth It Like KITTI, arXiv:2502.15076, published code: σ = 0.02"
-    confusable_with: ClassVar = ("intensity_noise", "intensity_quantization")
+    confusable_with: ClassVar = (
+        "intensity_noise",
+        "intensity_quantization",
+        "reflectance_field",
+        "surface_grain",
+        "firing_noise",
+    )
     example: ClassVar = {"sigma": 0.02}
     neutral: ClassVar = {"sigma": 0.0}
     is_candidate: ClassVar = False

@@ -22,7 +22,14 @@ class IntensityNoise(NoiseEffect):
     equation: ClassVar = "I·(1 + N(0, σ²))"
     reference: ClassVar = "Goodman: Statistical Optics, Wiley 2015 (speckle)"
     taxonomy: ClassVar = "sp36"
-    confusable_with: ClassVar = ("range_noise",)
+    confusable_with: ClassVar = (
+        "range_noise",
+        "reflectance_field",
+        "surface_grain",
+        "firing_noise",
+        "intensity_jitter",
+        "intensity_quantization",
+    )
     example: ClassVar = {"sigma_rel": 0.3}
     neutral: ClassVar = {"sigma_rel": 0.0}
 

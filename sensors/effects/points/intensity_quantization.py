@@ -15,7 +15,7 @@ class IntensityQuantization(RoundingEffect):
     equation: ClassVar = "step·round(clip(I, 0, 1)/step)"
     reference: ClassVar = "Geiger et al.: Vision meets robotics, IJRR 2013; steps measured on its files"
     taxonomy: ClassVar = "re17"
-    confusable_with: ClassVar = ("intensity_noise", "intensity_floor")
+    confusable_with: ClassVar = ("intensity_noise", "intensity_floor", "intensity_jitter")
     example: ClassVar = {"step": 0.1}
     neutral: ClassVar = None
 

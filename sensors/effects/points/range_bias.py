@@ -21,7 +21,7 @@ class RangeBias(PointEffect):
     channel: ClassVar = "range"
     equation: ClassVar = "R + b"
     reference: ClassVar = "Glennie, Lichti: Static calibration of the Velodyne HDL-64E S2, Remote Sensing 2010"
-    confusable_with: ClassVar = ("mount_translation", "ring_range_offset", "range_walk", "box_shrink")
+    confusable_with: ClassVar = ("mount_translation", "ring_range_offset", "range_walk", "box_shrink", "range_scale")
     example: ClassVar = {"offset_m": 0.2}
     neutral: ClassVar = {"offset_m": 0.0}
 

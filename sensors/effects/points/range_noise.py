@@ -21,7 +21,14 @@ class RangeNoise(NoiseEffect):
     channel: ClassVar = "range_variance"
     equation: ClassVar = "R + N(0, σ0² + (σ1·R)²)"
     reference: ClassVar = "Velodyne HDL-64E S2 data sheet (2 cm, one σ); 8 mm measured on KITTI"
-    confusable_with: ClassVar = ("beam_divergence", "range_quantization")
+    confusable_with: ClassVar = (
+        "beam_divergence",
+        "range_quantization",
+        "foliage_depth",
+        "surface_relief",
+        "intensity_noise",
+        "range_tail",
+    )
     example: ClassVar = {"sigma_m": 0.1, "sigma_per_m": 0.0}
     neutral: ClassVar = {"sigma_m": 0.0, "sigma_per_m": 0.0}
     shapes: ClassVar = ({}, {"sigma_per_m": 0.001})

@@ -32,7 +32,7 @@ class BeamDivergence(EchoEffect):
     equation: ClassVar = "R = Σ wᵢρᵢRᵢ / Σ wᵢρᵢ over echoes closer than c·τ/2"
     reference: ClassVar = "Wagner et al.: Gaussian decomposition of full-waveform lidar, ISPRS J. 2006"
     taxonomy: ClassVar = "sp55"
-    confusable_with: ClassVar = ("range_noise", "incidence_bias")
+    confusable_with: ClassVar = ("range_noise", "incidence_bias", "foliage_depth", "blooming")
     needs_new_rays: ClassVar = True
     by_search: ClassVar = True
     # Footprints of 7 and of 37 rays are found 6 to 16 % too narrow.

@@ -24,7 +24,7 @@ class OwnShadow(EchoEffect):
     equation: ClassVar = "lost where |azimuth − azimuth₀| ≤ width/2 and elevation < top"
     reference: ClassVar = "silhouette of the vehicle in KITTI's scans: the same beams are lost in all of them"
     taxonomy: ClassVar = "sp9"
-    confusable_with: ClassVar = ("random_dropout",)
+    confusable_with: ClassVar = ("random_dropout", "own_silhouette")
     repeatable: ClassVar = True
     example: ClassVar = {"azimuth_deg": 180.0, "width_deg": 50.0, "top_deg": -10.0}
     neutral: ClassVar = {"azimuth_deg": 180.0, "width_deg": 0.0, "top_deg": -10.0}
