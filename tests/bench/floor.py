@@ -12,7 +12,7 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -40,6 +40,7 @@ from tests.bench.rows import Row
 
 _FRAMES, _SEED, _TOWN = 50, 1, "town05"
 _GOAL = 1.6
+_FAR_M = 120.0  # range of the default sensor
 _OURS: dict[str, tuple[tuple[Any, str], ...]] = {
     "traffic": ((DrivenTraffic, "step"), (DrivenTraffic, "everyone")),
     "LiDAR": ((RigLidars, "scan"),),
@@ -53,8 +54,8 @@ _DRAWING = ("glMultiDrawElements", "glMultiDrawElementsIndirect", "glDrawArrays"
 def rows() -> Iterator[Row]:
     """A line for every stage and for all, start included, of a drive of two episodes in one process."""
     config = RunConfig(town=_TOWN, frames=_FRAMES, seed=_SEED)
-    ours: Counter[str] = Counter()
-    floor: Counter[str] = Counter()
+    ours: dict[str, float] = defaultdict(float)
+    floor: dict[str, float] = defaultdict(float)
     with tempfile.TemporaryDirectory() as folder:
         total_s, start_s = _record(config, Path(folder) / "drive", ours, floor)
         floor["encoding"] = sum(map(_compression_s, Path(folder).rglob("0*.*")))
@@ -66,13 +67,13 @@ def rows() -> Iterator[Row]:
     yield Row("start: until the first frame", f"{start_s:.1f} s")
 
 
-def _record(config: RunConfig, folder: Path, ours: Counter[str], floor: Counter[str]) -> tuple[float, float]:
+def _record(config: RunConfig, folder: Path, ours: dict[str, float], floor: dict[str, float]) -> tuple[float, float]:
     """Record a drive; return the process's own time for all and until the first frame, without added queries [s]."""
     select_backend(config.backend)
     from OpenGL import GL
 
     first_s: list[float] = []
-    added: Counter[str] = Counter()
+    added: dict[str, float] = defaultdict(float)
 
     def follow(_: str) -> None:
         if not first_s:
@@ -82,7 +83,7 @@ def _record(config: RunConfig, folder: Path, ours: Counter[str], floor: Counter[
 
     with ExitStack() as patches:
 
-        def count(owner: Any, name: str, stage: str, spent: Counter[str]) -> None:
+        def count(owner: Any, name: str, stage: str, spent: dict[str, float]) -> None:
             patches.enter_context(patch.object(owner, name, _counted(getattr(owner, name), stage, spent)))
 
         for stage, functions in _OURS.items():
@@ -101,7 +102,7 @@ def _record(config: RunConfig, folder: Path, ours: Counter[str], floor: Counter[
 
 
 def _with_raw_query(
-    trace: Callable[..., Hits], ours: Counter[str], floor: Counter[str], added: Counter[str]
+    trace: Callable[..., Hits], ours: dict[str, float], floor: dict[str, float], added: dict[str, float]
 ) -> Callable[..., Hits]:
     """`Tracer.trace`, followed by a query of the same beams in the static world that counts only for the floor."""
 
@@ -110,26 +111,26 @@ def _with_raw_query(
         hits = trace(tracer, scene, pose, *others, **named)
         direction = np.ascontiguousarray(hits.direction)
         origin = np.repeat(pose[None, :3, 3].astype(np.float32), len(direction), axis=0)
-        limit = np.full(len(direction), tracer._far, np.float32)
+        limit = np.full(len(direction), _FAR_M, np.float32)
         started = time.thread_time()
         scene.static.first_hit(origin, direction, limit)
         spent_s = time.thread_time() - started
-        floor["LiDAR"] += spent_s  # type: ignore[assignment]
-        ours["LiDAR"] -= spent_s  # type: ignore[assignment]
-        added["query"] += spent_s  # type: ignore[assignment]
+        floor["LiDAR"] += spent_s
+        ours["LiDAR"] -= spent_s
+        added["query"] += spent_s
         return hits
 
     return wrapper
 
 
-def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> Callable[..., Any]:
+def _counted(function: Callable[..., Any], stage: str, spent: dict[str, float]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
         started = time.thread_time()
         try:
             return function(*args, **kwargs)
         finally:
-            spent[stage] += time.thread_time() - started  # type: ignore[assignment]
+            spent[stage] += time.thread_time() - started
 
     return wrapper
 
@@ -138,6 +139,7 @@ def _compression_s(path: Path) -> float:
     """Time in which a file's image or its compressed arrays are compressed again [s]."""
     if path.suffix == ".png":
         image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert image is not None  # just written
         started = time.thread_time()
         cv2.imencode(".png", image)
         return time.thread_time() - started
