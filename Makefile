@@ -5,7 +5,7 @@ COSIM := .venv/bin/cosim
 # Some images forbid to keep compiled modules, so that each of hundreds of processes would compile them again.
 export PYTHONDONTWRITEBYTECODE =
 
-SECTIONS := lidar growth stages rates sizes memory loop effects
+SECTIONS := lidar growth stages floor rates sizes memory loop effects
 
 .PHONY: demo test test-lowest slow check docs pictures bench hidden fuzz setup setup-dev clean $(SECTIONS)
 

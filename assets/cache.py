@@ -7,7 +7,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cache, wraps
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,7 +35,24 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
     Args:
         function: depends only on its arguments; its results are of types that `assets.serialization` allows.
     """
+    return _cached(function, None, frozenset())
 
+
+def cached_latest(
+    most: int, *, ignore: Collection[str] = ()
+) -> Callable[[Callable[_Arguments, _Result]], Callable[_Arguments, _Result]]:
+    """`cached` for functions with large results: only those used last are kept.
+
+    Args:
+        most: number of results to keep.
+        ignore: names of arguments that follow from the others; calls must give them by name.
+    """
+    return lambda function: _cached(function, most, frozenset(ignore))
+
+
+def _cached(
+    function: Callable[_Arguments, _Result], most: int | None, ignore: frozenset[str]
+) -> Callable[_Arguments, _Result]:
     @wraps(function)
     def call(*arguments: _Arguments.args, **named: _Arguments.kwargs) -> _Result:
         folder = _folder(function.__module__.partition(".")[0], os.environ.get(FOLDER))
@@ -43,15 +60,21 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
             return function(*arguments, **named)
         from joblib import hash as content_hash
 
-        path = folder / f"{function.__name__}-{content_hash((arguments, named), hash_name='sha1')}.npz"
+        key = arguments, {name: value for name, value in named.items() if name not in ignore}
+        path = folder / f"{function.__name__}-{content_hash(key, hash_name='sha1')}.npz"
         try:
-            return loads(path.read_bytes())
+            result = loads(path.read_bytes())
+            if most is not None:
+                os.utime(path)
+            return result
         except FileNotFoundError:
             pass
         except (OSError, ValueError) as error:
             _log.info("%s: computed again, because it cannot be read (%s)", path, error)
         result = function(*arguments, **named)
         _write(path, dumps(result))
+        if most is not None:
+            _remove_all_but(folder, f"{function.__name__}-*.npz", most)
         return result
 
     return call
@@ -86,6 +109,16 @@ def _write(path: Path, content: bytes) -> None:
     except OSError as error:
         _log.info("%s: cannot be written (%s)", path, error.strerror)
         partial.unlink(missing_ok=True)
+
+
+def _remove_all_but(folder: Path, pattern: str, most: int) -> None:
+    """Remove the files that were used least recently."""
+    try:
+        by_age = sorted(folder.glob(pattern), key=lambda path: path.stat().st_mtime, reverse=True)
+        for path in by_age[most:]:
+            path.unlink(missing_ok=True)
+    except OSError as error:  # another process removes the same
+        _log.info("%s: not cleared (%s)", folder, error)
 
 
 def _digest(package: str) -> str:

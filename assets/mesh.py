@@ -76,10 +76,13 @@ class Mesh:
     @property
     def normals(self) -> np.ndarray:
         """Unit face normals, (m, 3) float32; zero for a degenerate face."""
-        a, b, c = np.moveaxis(self.triangles.astype(np.float64), 1, 0)
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1, keepdims=True)
-        return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0).astype(np.float32)
+        corners = self.vertices.T.astype(np.float64)
+        a, b, c = (corners[:, column] for column in self.faces.T)
+        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+        cross = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+        length = np.sqrt(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])
+        unit = np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+        return np.ascontiguousarray(unit.T, np.float32)
 
     def moved(self, offset: np.ndarray | tuple[float, float, float]) -> Mesh:
         """The mesh shifted by `offset` (3,) in metres."""

@@ -74,6 +74,19 @@ class Bvh:
             distance[close] = step + np.float32(near)
         return distance, triangle
 
+    def blocks(self, origin: np.ndarray, direction: np.ndarray, reach_m: float) -> np.ndarray:
+        """Whether a triangle lies on each ray, (n,) bool; faster than `first_hit`, as any triangle will do.
+
+        Args:
+            origin: (n, 3) float32.
+            direction: (n, 3) float32 unit vectors.
+            reach_m: farthest distance that counts [m].
+        """
+        if self._scene is None or len(origin) == 0:
+            return np.zeros(len(origin), bool)
+        limit = np.full(len(origin), reach_m, np.float32)
+        return self._scene.run(origin, direction, limit, "OCCLUDED") == 0
+
     def _shared_query(
         self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:

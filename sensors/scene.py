@@ -47,9 +47,10 @@ class Instances:
     def take(self, rows: np.ndarray) -> Instances:
         """The instances at `rows`."""
         columns: dict[str, Any] = {}
+        numbers = rows.tolist()
         for field in fields(self):
             column = getattr(self, field.name)
-            columns[field.name] = tuple(column[row] for row in rows) if isinstance(column, tuple) else column[rows]
+            columns[field.name] = tuple([column[row] for row in numbers]) if isinstance(column, tuple) else column[rows]
         return Instances(**columns)
 
     def and_then(self, others: Instances) -> Instances:

@@ -9,14 +9,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from assets import Mesh
+from assets.cache import cached_latest
 from assets.world import Groundwork, SignalHead, build_world, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
+from sensors.cameras.tiles import cut_world
 from sensors.scene import Scene, TracedModel
 from sumo_nets import Town, read_town
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
+_build_world = cached_latest(8, ignore=("groundwork",))(build_world)  # 30 MB each
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +93,8 @@ class Site:
             return cls._of(land, world, config.world.read(town.streets), (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
+        seed = int(np.random.default_rng(seeds).integers(2**31))
+        static = _build_world(town.streets, seed, environment, groundwork=groundwork)
         return cls._of(land, world, static.mesh, static.signals, models, threads)
 
     @classmethod
@@ -98,7 +102,7 @@ class Site:
         cls, land: Land, world: int, mesh: Mesh, signals: tuple[SignalHead, ...], models: Models, threads: int
     ) -> Site:
         scene = Scene(mesh, models.load, threads, models=models.traced)
-        return cls(land, world, mesh, scene, Tiles.of(mesh), SunShadows(mesh, Light(), scene.static), signals)
+        return cls(land, world, mesh, scene, cut_world(mesh), SunShadows(mesh, Light(), scene.static), signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Load this site and a light into a renderer."""

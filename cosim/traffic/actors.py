@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
+
 
 @dataclass(frozen=True, eq=False)
 class Actors:
@@ -61,7 +63,7 @@ class Actors:
         """
         rows = np.arange(len(self)) if rows is None else rows
         walks = np.array([self.kinds[row] == "pedestrian" for row in rows], bool)
-        forward = np.column_stack([np.cos(heading_rad[rows]), np.sin(heading_rad[rows])])
+        forward = unit_vectors(heading_rad[rows])
         return np.where(walks[:, None], 0.0, self.size[rows, :1] / 2) * forward
 
     def without(self, ids: Collection[str]) -> Actors:
@@ -71,10 +73,11 @@ class Actors:
     def take(self, rows: np.ndarray) -> Actors:
         """Those of some rows."""
         kept: dict[str, Any] = {}
+        numbers = rows.tolist()
         for part in fields(self):
             values = getattr(self, part.name)
             if isinstance(values, tuple):
-                kept[part.name] = tuple(values[row] for row in rows)
+                kept[part.name] = tuple([values[row] for row in numbers])
             elif isinstance(values, np.ndarray):
                 kept[part.name] = values[rows]
         return replace(self, **kept)

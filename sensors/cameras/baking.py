@@ -49,7 +49,7 @@ class SunShadows:
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Sun and sky, (k, 2) float32, 0–1, at some rows (k,) of the vertices."""
         origin = self._vertices[rows] + _WORLD_LIFT_M * self._normal[rows]
-        sunlit = ~_blocked(self._bvh, origin, np.broadcast_to(self._sun, origin.shape), _SUN_REACH_M)
+        sunlit = ~self._bvh.blocks(origin, np.tile(self._sun, (len(origin), 1)), _SUN_REACH_M)
         new = np.isnan(self._sky[rows])
         requested = rows[new]
         self._sky[requested] = _sky_share(
@@ -80,14 +80,8 @@ def _sky_share(
     directions = _around(normal, rings)
     free = np.zeros(len(origin), np.float32)
     for direction in directions:
-        free += ~_blocked(bvh, origin, direction, reach_m)
+        free += ~bvh.blocks(origin, np.ascontiguousarray(direction, np.float32), reach_m)
     return _DARKEST + (1.0 - _DARKEST) * free / len(directions)
-
-
-def _blocked(bvh: Bvh, origin: np.ndarray, direction: np.ndarray, reach_m: float) -> np.ndarray:
-    limit = np.full(len(origin), reach_m, np.float32)
-    _, triangle = bvh.first_hit(origin, np.ascontiguousarray(direction, np.float32), limit)
-    return triangle >= 0
 
 
 def _spread(mesh: Mesh, values: np.ndarray) -> np.ndarray:

@@ -73,10 +73,8 @@ class CastShadows:
         if not len(rows):
             return images
         points[:, 2] += _LIFT_M
-        towards = np.broadcast_to(self._sun.astype(np.float32), points.shape)
-        reach = np.full(len(points), _SUN_REACH_M, np.float32)
-        _, blocked = self._static.first_hit(points.astype(np.float32), np.ascontiguousarray(towards), reach)
-        lit = blocked < 0
+        towards = np.tile(self._sun.astype(np.float32), (len(points), 1))
+        lit = ~self._static.blocks(points.astype(np.float32), towards, _SUN_REACH_M)
         rgba = images.rgba.copy()
         rows, columns = rows[lit], columns[lit]
         rgba[rows, columns, :3] = np.rint(rgba[rows, columns, :3] * self._left).astype(np.uint8)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from assets.cache import cached_latest
 from assets.mesh import Mesh
 from sensors.cameras.closed import closed_faces
 from sensors.cameras.packing import drawable
@@ -61,6 +62,12 @@ class Tiles:
         count = self.count[rows]
         start = np.repeat(self.first[rows] - (np.cumsum(count) - count), count)
         return start + np.arange(len(start))
+
+
+@cached_latest(8)
+def cut_world(static: Mesh) -> Tiles:
+    """`Tiles.of` a world; the tiles of the worlds used last are kept on disk, 20 MB each."""
+    return Tiles.of(static)
 
 
 def sort_into_tiles(mesh: Mesh, closed: np.ndarray, side_m: float) -> tuple[np.ndarray, np.ndarray]:

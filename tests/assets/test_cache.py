@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from assets.cache import FOLDER, cached
+from assets.cache import FOLDER, cached, cached_latest
 from assets.mesh import Mesh
 from assets.models import build_model
 
@@ -73,3 +73,24 @@ def test_what_other_versions_left_is_removed_when_it_is_old(folder):
     os.utime(old, (0, 0))
     cached(stretched)(build_model("saloon_01"), 2.0)
     assert not old.exists() and young.exists()
+
+
+def test_only_the_results_used_last_are_kept(folder):
+    mesh, keep = build_model("saloon_01"), cached_latest(2)(stretched)
+    keep(mesh, 2.0)
+    keep(mesh, 3.0)
+    for age, path in enumerate(sorted(folder.rglob("*.npz"), key=lambda path: path.stat().st_mtime_ns)):
+        os.utime(path, (1000 + age, 1000 + age))
+    keep(mesh, 2.0)  # the older result, used again
+    keep(mesh, 4.0)
+    MADE.clear()
+    for by in (2.0, 4.0, 3.0):
+        keep(mesh, by)
+    assert MADE == [3.0]
+
+
+def test_arguments_that_follow_from_others_are_ignored(folder):
+    mesh, keep = build_model("saloon_01"), cached_latest(2, ignore=("by",))(stretched)
+    keep(mesh, by=2.0)
+    keep(mesh, by=3.0)
+    assert MADE == [2.0]

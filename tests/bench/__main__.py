@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from rich.console import Console
 
-from tests.bench import effects, frames, growth, lidar, loop, memory, rates
+from tests.bench import effects, floor, frames, growth, lidar, loop, memory, rates
 from tests.bench.rows import Row, one_table
 
 _SECTIONS = {
     "lidar": ("LiDAR stage: from the posed scene to points, both hits, normals, incidence", lidar.rows),
     "growth": ("As things grow", growth.rows),
     "stages": ("A frame of the default drive, one process, its own time", frames.stage_rows),
+    "floor": ("A frame against its floor: the libraries' own time for the same frames", floor.rows),
     "rates": ("Default settings, start included: LiDAR with hits, gray, depth, colour, labels, files", rates.rows),
     "sizes": ("What a frame takes on disk, and variants of it", frames.size_rows),
     "memory": ("A long drive by two workers", memory.rows),

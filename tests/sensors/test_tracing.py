@@ -159,3 +159,17 @@ def test_more_worlds_can_be_held_than_a_thread_has_keys():
     ahead = np.array([[1, 0, 0]], np.float32)
     distance, _ = worlds[-1].first_hit(np.zeros((1, 3), np.float32), ahead, np.array([2000], np.float32))
     assert distance[0] == pytest.approx(1100.0)
+
+
+def test_a_ray_is_blocked_where_it_hits_something_within_its_reach():
+    rng = np.random.default_rng(0)
+    mesh = Mesh.merge([plane(), wall(5.0), wall(9.0)])
+    origin = rng.uniform((-3, -3, 0.1), (12, 3, 3), (5000, 3)).astype(np.float32)
+    direction = rng.normal(size=(5000, 3))
+    direction = (direction / np.linalg.norm(direction, axis=1, keepdims=True)).astype(np.float32)
+    bvh = Bvh(mesh)
+    for reach_m in (0.5, 5.0, 100.0):
+        _, triangle = bvh.first_hit(origin, direction, np.full(len(origin), reach_m, np.float32))
+        assert 0 < (triangle >= 0).sum() < len(origin)
+        assert np.array_equal(bvh.blocks(origin, direction, reach_m), triangle >= 0)
+    assert not Bvh(Mesh.empty()).blocks(origin, direction, 5.0).any()

@@ -9,6 +9,7 @@ import numpy as np
 
 from cosim.traffic.actors import Actors
 from cosim.traffic.behaviour.roads import Lane, Roads
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion import Motion, overlaps
 from cosim.traffic.simulation import Traffic
 
@@ -314,13 +315,16 @@ def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Ac
     street = person.way[2:, 0]  # from the corner to the door
     standing = lane.project(centre + _turned(door[None], heading)[0])[1]
     found = []
-    for row in np.flatnonzero(np.hypot(*(driving.front[:, :2] - centre).T) < _LOOKS_M).tolist():
-        turn, (length, width) = float(driving.heading_rad[row] - heading), driving.size[row, :2]
-        long = abs(np.cos(turn)) * length / 2 + abs(np.sin(turn)) * width / 2
-        wide = abs(np.sin(turn)) * length / 2 + abs(np.cos(turn)) * width / 2
-        middle = _middle(driving, row)
-        x, y = _turned((middle - centre)[None], -heading)[0]
-        onward = np.sign(np.cos(turn)) * (-1 if driving.speed_mps[row] < 0 else 1)
+    rows = np.flatnonzero(np.hypot(*(driving.front[:, :2] - centre).T) < _LOOKS_M)
+    turn, half = driving.heading_rad[rows] - heading, driving.size[rows, :2] / 2
+    cos, sin = np.cos(turn), np.sin(turn)
+    longs = np.abs(cos) * half[:, 0] + np.abs(sin) * half[:, 1]
+    wides = np.abs(sin) * half[:, 0] + np.abs(cos) * half[:, 1]
+    middles = driving.front[rows, :2] - half[:, :1] * unit_vectors(driving.heading_rad[rows])
+    onwards = np.sign(cos) * np.where(driving.speed_mps[rows] < 0, -1, 1)
+    columns = (rows, longs, wides, onwards, *_turned(middles - centre, -heading).T)
+    for i, (row, long, wide, onward, x, y) in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        middle, width = middles[i], driving.size[row, 1]
         left = (onward * street).min() - onward * x - long - reach  # until it is there
         if onward * x - long > (onward * street).max() + reach:
             continue

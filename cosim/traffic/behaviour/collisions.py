@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cosim.traffic.behaviour.stage import Stage
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion import overlaps
 
 _GAP_M = (6.0, 30.0)
@@ -136,6 +137,6 @@ def _depth(stage: Stage, row: int, ahead: int) -> float:
     """How far the bodies of two have run into each other [m]."""
     rows, actors = [row, ahead], stage.actors
     heading = actors.heading_rad[rows]
-    forward = np.column_stack([np.cos(heading), np.sin(heading)])
+    forward = unit_vectors(heading)
     centre = actors.front[rows, :2] - forward * actors.size[rows, :1] / 2
     return float(overlaps(centre, heading, actors.size[rows]).depth_m.max(initial=0.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.traffic.behaviour.stage import Stage
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion import overlaps
 
 _FORGETS_S = 10.0
@@ -26,7 +27,7 @@ class Contacts:
         actors = stage.actors
         rows = np.flatnonzero(np.array([kind != "pedestrian" for kind in actors.kinds], bool))
         heading = actors.heading_rad[rows]
-        forward = np.column_stack([np.cos(heading), np.sin(heading)])
+        forward = unit_vectors(heading)
         centre = actors.front[rows, :2] - forward * actors.size[rows, :1] / 2
         found = overlaps(centre, heading, actors.size[rows])
         for i, j in zip(rows[found.first].tolist(), rows[found.second].tolist(), strict=True):

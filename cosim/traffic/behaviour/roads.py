@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
@@ -37,7 +38,7 @@ class Lane:
 
     def point(self, position_m: float) -> tuple[np.ndarray, float]:
         """World place (2,) and heading [rad] at a position along the lane."""
-        way = _way(self.shape)
+        way = self._way_m
         at = float(np.clip(position_m / self.length_m, 0, 1) * way[-1])
         i = min(int(np.searchsorted(way, at, side="right")) - 1, len(way) - 2)
         piece = self.shape[i + 1] - self.shape[i]
@@ -46,14 +47,24 @@ class Lane:
 
     def project(self, point: np.ndarray) -> tuple[float, float]:
         """Position along the lane nearest to a place (2,), and how far the place lies to the left [m]."""
-        start, piece = self.shape[:-1], np.diff(self.shape, axis=0)
-        length = np.hypot(piece[:, 0], piece[:, 1])
+        start, (piece, length) = self.shape[:-1], self._pieces
         share = np.clip(np.einsum("ij,ij->i", point - start, piece) / np.maximum(length, 1e-9) ** 2, 0, 1)
         away = point - (start + share[:, None] * piece)
         i = int(np.argmin(np.hypot(away[:, 0], away[:, 1])))
         left = (piece[i, 0] * away[i, 1] - piece[i, 1] * away[i, 0]) / max(length[i], 1e-9)
-        way = _way(self.shape)
+        way = self._way_m
         return float((way[i] + share[i] * length[i]) * self.length_m / way[-1]), float(left)
+
+    @cached_property
+    def _pieces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pieces (k − 1, 2) of the middle line, and their lengths (k − 1,) [m]."""
+        piece = np.diff(self.shape, axis=0)
+        return piece, np.hypot(piece[:, 0], piece[:, 1])
+
+    @cached_property
+    def _way_m(self) -> np.ndarray:
+        """Distances (k,) of the points of the middle line from its start, along it [m]."""
+        return _way(self.shape)
 
 
 @dataclass(frozen=True)

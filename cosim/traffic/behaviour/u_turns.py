@@ -10,6 +10,7 @@ import numpy as np
 from cosim.traffic.behaviour.roads import Lane
 from cosim.traffic.behaviour.routes import wander
 from cosim.traffic.behaviour.stage import Stage, in_axes
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion import Script, TurnError, plan_turn
 from cosim.traffic.motion.turn_path import Room
 
@@ -205,5 +206,5 @@ class UTurns:
 
 def _boxes(script: Script, size: np.ndarray) -> np.ndarray:
     heading = script.heading_rad
-    centre = script.front - size[0] / 2 * np.column_stack([np.cos(heading), np.sin(heading)])
+    centre = script.front - size[0] / 2 * unit_vectors(heading)
     return np.column_stack([centre, heading, np.tile(size[:2], (len(script), 1))])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.chassis import Chassis
 
 MAX_LATERAL_MPS2 = 6.0
@@ -63,7 +64,7 @@ def follow(
     rear = chassis.rear_m
     arm = rear - chassis.guide_m
     theta, kappa = state.heading_rad, state.curvature_per_m
-    forward = np.column_stack([np.cos(theta), np.sin(theta)])
+    forward = unit_vectors(theta)
     middle = theta + 0.5 * kappa * np.clip(state.speed_mps, 0, None) * step_s
     error = target - state.front + chassis.guide_m[:, None] * forward
     along = error[:, 0] * np.cos(middle) + error[:, 1] * np.sin(middle)
@@ -75,10 +76,10 @@ def follow(
     speed = ds / step_s
 
     beyond = _LOOK_AHEAD_S * np.maximum(speed - _CALM_MPS, 0)
-    ahead = np.column_stack([np.cos(course_rad), np.sin(course_rad)]) * beyond[:, None]
+    ahead = unit_vectors(course_rad) * beyond[:, None]
     rod = arm + beyond
     axle = state.front - rear[:, None] * forward
-    moved = axle + ds[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    moved = axle + ds[:, None] * unit_vectors(middle)
     to_target = target + ahead - moved
     off = wrap(np.arctan2(to_target[:, 1], to_target[:, 0]) - theta)
     wanted = np.sin(np.clip(wrap(travel_rad - theta), -1.3, 1.3)) / rod
@@ -94,9 +95,9 @@ def follow(
     wanted = np.where(moves, wanted, kappa)
 
     turned = wanted * ds
-    axle = axle + ds[:, None] * np.column_stack([np.cos(theta + turned / 2), np.sin(theta + turned / 2)])
+    axle = axle + ds[:, None] * unit_vectors(theta + turned / 2)
     theta = theta + turned
-    front = axle + rear[:, None] * np.column_stack([np.cos(theta), np.sin(theta)])
+    front = axle + rear[:, None] * unit_vectors(theta)
     front = np.where(moves[:, None], front, state.front)
     return BicycleState(front, np.where(moves, wrap(theta), state.heading_rad), wanted, np.where(moves, speed, 0.0))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Guarded:
         centre, heading_rad: (n, 2) and (n,) before it.
         half: (n, 2) half lengths and widths.
         wanted: stops after the step they want to take.
-        out: stops after a step of their way out.
+        brake: gives the stops after a step of their way out; called only if wanted steps clash.
         moves: (n,) whether the wanted step moves the vehicle, or its way out: who would stop dead may have to roll on.
         allowed: pairs of rows (i < j) that may touch.
     """
@@ -38,9 +39,14 @@ class Guarded:
     heading_rad: np.ndarray
     half: np.ndarray
     wanted: Stops
-    out: Stops
+    brake: Callable[[], Stops]
     moves: np.ndarray
     allowed: frozenset[tuple[int, int]]
+
+    @cached_property
+    def out(self) -> Stops:
+        """Stops after a step of their way out."""
+        return self.brake()
 
 
 Offer = Callable[[int, Callable[[Stops], np.ndarray]], Stops | None]
@@ -58,19 +64,22 @@ def choose(all_: Guarded, offer: Offer) -> tuple[dict[int, Stops | None], dict[i
         Row → stops, None where it takes its way out; and row → row in its way.
     """
     half = all_.half + CLEAR_M
-    steps = max(all_.wanted.centre.shape[1], all_.out.centre.shape[1])
-    taken = Stops(_pad(all_.wanted.centre, steps), _pad(all_.wanted.heading_rad, steps), all_.wanted.last.copy())
+    taken = all_.wanted
     first, second = _candidates(all_, half, taken)
     before = separation(all_.centre, all_.heading_rad, half, first, second)
     bound = np.maximum(before, 0.0) + _SLACK_M
-    neighbours: dict[int, list[int]] = {}
-    for pair, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-        neighbours.setdefault(i, []).append(pair)
-        neighbours.setdefault(j, []).append(pair)
     depth, at = _depths(taken, taken, half, half, first, second)
     clash = set(np.flatnonzero(depth > bound).tolist())
     yields: dict[int, Stops | None] = {}
     blocks: dict[int, int] = {}
+    if not clash:
+        return yields, blocks
+    steps = max(taken.centre.shape[1], all_.out.centre.shape[1])
+    taken = Stops(_pad(taken.centre, steps), _pad(taken.heading_rad, steps), taken.last.copy())
+    neighbours: dict[int, list[int]] = {}
+    for pair, (i, j) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        neighbours.setdefault(i, []).append(pair)
+        neighbours.setdefault(j, []).append(pair)
     while clash:
         pair = min(clash)
         row = _who_yields(all_, taken, yields, half, int(first[pair]), int(second[pair]), int(at[pair]), bound[pair])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.traffic.actors import Actors
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion import drift
 from cosim.traffic.motion.approach import Approach
 from cosim.traffic.motion.bicycle import BicycleState, follow, wrap
@@ -292,13 +293,20 @@ class Motion:
         """Lateral offsets (m,) from SUMO's line and their change per metre of way."""
         of = self._of
 
-        def left_over(at: np.ndarray) -> np.ndarray:
-            share = at / np.maximum(of["jump_length"][rows], 1e-6)
-            return of["jump"][rows] * np.where(of["jump_steep"][rows] > 0, drift.steep(share), drift.smooth(share))
-
-        at = of["jump_at"][rows]
-        offset, slope = left_over(at), (left_over(at + 0.1) - left_over(at - 0.1)) / 0.2
         aside = of["lane_offset"][rows]
+        offset, slope = np.zeros(len(rows)), np.zeros(len(rows))
+        changing = np.flatnonzero((of["jump"][rows] != 0) & (of["jump_at"][rows] - 0.1 < of["jump_length"][rows]))
+        if len(changing):
+            jump, at, length, is_steep = (
+                of[name][rows[changing]] for name in ("jump", "jump_at", "jump_length", "jump_steep")
+            )
+
+            def left_over(at: np.ndarray) -> np.ndarray:
+                share = at / np.maximum(length, 1e-6)
+                return jump * np.where(is_steep > 0, drift.steep(share), drift.smooth(share))
+
+            offset[changing] = left_over(at)
+            slope[changing] = (left_over(at + 0.1) - left_over(at - 0.1)) / 0.2
         for vehicle, approach in self._approaches.items():
             row = self._rows.get(vehicle)
             hit = np.flatnonzero(rows == row) if row is not None else ()
@@ -408,7 +416,7 @@ class Motion:
 
 def _bumpers(actors: Actors, heading_rad: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """From the middles of boxes to their front ends (k, 2)."""
-    forward = np.column_stack([np.cos(heading_rad[rows]), np.sin(heading_rad[rows])])
+    forward = unit_vectors(heading_rad[rows])
     return actors.size[rows, :1] / 2 * forward
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.bicycle import MAX_YAW_RATE_RADPS
 from cosim.traffic.motion.chassis import Chassis
 from cosim.traffic.motion.rehearsal import clear
@@ -51,7 +52,7 @@ def plan_backing_in(
         if way is None:
             continue
         axle = np.concatenate(way)
-        tips = axle[:, :2] + rear_m * np.column_stack([np.cos(axle[:, 2]), np.sin(axle[:, 2])])
+        tips = axle[:, :2] + rear_m * unit_vectors(axle[:, 2])
         if not clear(np.column_stack([tips, axle[:, 2]])[::5], size, boxes, margin_m):
             continue
         poses = []

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.bicycle import BicycleState, follow
 from cosim.traffic.motion.chassis import Chassis
 from cosim.traffic.motion.footprint import separation
@@ -41,7 +42,7 @@ def rehearse(
 
 def clear(poses: np.ndarray, size: np.ndarray, boxes: np.ndarray, margin_m: float) -> bool:
     """Whether a vehicle passes boxes (k, 5: x, y, heading, length, width) at all poses, `margin_m` away."""
-    middle = poses[:, :2] - size[0] / 2 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    middle = poses[:, :2] - size[0] / 2 * unit_vectors(poses[:, 2])
     for box in boxes:
         centre = np.vstack([middle, box[None, :2]])
         heading = np.append(poses[:, 2], box[2])

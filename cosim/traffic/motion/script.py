@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.stopping import Stops
 
 _GIVES_UP_STEPS = 15
@@ -75,7 +76,7 @@ class Player:
         pace = min(self._pace + 1, _PAUSES_STEPS) if goes_on else max(self._pace - 1, 0)
         ways = np.cumsum(np.arange(pace, -1, -1)) / _PAUSES_STEPS
         front, heading = self._poses(np.minimum(self._at + ways[: max(pace, 1)], len(self._front) - 1.0))
-        forward = np.column_stack([np.cos(heading), np.sin(heading)])
+        forward = unit_vectors(heading)
         centre = front - length_m / 2 * forward
         return Stops(centre[None], heading[None], np.array([len(heading) - 1]))
 

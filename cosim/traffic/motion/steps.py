@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.chassis import Chassis
 from cosim.traffic.motion.evasion import Rolling, evade
 from cosim.traffic.motion.guard import Guarded, choose
@@ -48,13 +49,17 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
     length, taken = company.size[:, 0], {name: values.copy() for name, values in company.want.items()}
     out = braked(state, rear, step_s)
     goes_on = stops(**taken, rear_m=rear, length_m=length, step_s=step_s, poses=_SCRIPTS_STOP_IN)
-    brakes = stops(**out, rear_m=rear, length_m=length, step_s=step_s, poses=_SCRIPTS_STOP_IN)
     moves = ((taken["front"] != state["front"]) | (out["front"] != state["front"])).any(1)
     for i, player in company.players.items():
         goes_on.put(i, player.stops(float(length[i]), goes_on=True), 0)
-        brakes.put(i, player.stops(float(length[i]), goes_on=False), 0)
         moves[i] = True
     others: dict[int, Rolling] = {}
+
+    def brake() -> Stops:
+        brakes = stops(**out, rear_m=rear, length_m=length, step_s=step_s, poses=_SCRIPTS_STOP_IN)
+        for i, player in company.players.items():
+            brakes.put(i, player.stops(float(length[i]), goes_on=False), 0)
+        return brakes
 
     def offer(i: int, clear: Callable[[Stops], np.ndarray]) -> Stops | None:
         other = None if i in company.players else _other_step(company, i, step_s, clear)
@@ -63,10 +68,10 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
         others[i], after = other
         return after
 
-    forward = np.column_stack([np.cos(state["heading"]), np.sin(state["heading"])])
+    forward = unit_vectors(state["heading"])
     centre = state["front"] - length[:, None] / 2 * forward
     half = company.size[:, :2] / 2
-    yields, blocks = choose(Guarded(centre, state["heading"], half, goes_on, brakes, moves, company.may_touch), offer)
+    yields, blocks = choose(Guarded(centre, state["heading"], half, goes_on, brake, moves, company.may_touch), offer)
     for i, chosen in yields.items():
         for name, values in taken.items():
             values[i] = out[name][i] if chosen is None else getattr(others[i], name)

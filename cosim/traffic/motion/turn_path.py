@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.errors import CosimError
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.motion.bicycle import MAX_YAW_RATE_RADPS
 from cosim.traffic.motion.chassis import Chassis
 from cosim.traffic.motion.footprint import separation
@@ -131,7 +132,7 @@ def drive(arc: np.ndarray, fastest_mps: float, step_s: float) -> np.ndarray:
 
 def as_script(poses: np.ndarray, front: np.ndarray, heading_rad: float, rear_m: float) -> Script:
     """Rear-axle poses (k, 3) in axes at `front` (2,), x along `heading_rad`, as a script in the world."""
-    tip = poses[:, :2] + rear_m * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    tip = poses[:, :2] + rear_m * unit_vectors(poses[:, 2])
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     world = np.column_stack([tip[:, 0] * cos - tip[:, 1] * sin, tip[:, 0] * sin + tip[:, 1] * cos]) + front
     heading = poses[:, 2] + heading_rad

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
+
 
 def velocities(
     before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], half_m: np.ndarray, step_s: float
@@ -16,8 +18,8 @@ def velocities(
         step_s: time between.
     """
     (front_0, heading_0), (front, heading) = before, after
-    forward = np.column_stack([np.cos(heading), np.sin(heading)])
-    was = np.column_stack([np.cos(heading_0), np.sin(heading_0)])
+    forward = unit_vectors(heading)
+    was = unit_vectors(heading_0)
     velocity = (front - front_0 - half_m[:, None] * (forward - was)) / step_s
     along = velocity[:, 0] * forward[:, 0] + velocity[:, 1] * forward[:, 1]
     across = velocity[:, 1] * forward[:, 0] - velocity[:, 0] * forward[:, 1]

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from assets.streets import Streets
+from cosim.traffic.headings import unit_vectors
 from cosim.traffic.trajectories.tracks import RoadTracks
 
 _STEP_M = 4.0
@@ -97,7 +98,7 @@ def _follow(tracks: RoadTracks, rows: np.ndarray, known: np.ndarray, lanes: Lane
     count = min(_NEIGHBOURS, len(lanes.points))
     away, near = (each.reshape(len(rows), count) for each in lanes.tree.query(position, k=count))
     height = np.where(np.isfinite(known)[:, None], known[:, None], lanes.points[near, 2])
-    ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+    ahead = unit_vectors(heading)
     cosine = np.nan_to_num(np.einsum("nkd,nd->nk", lanes.ways[near], ahead))
     cost = away + _TURNED_M * (1 - cosine)
     total, back = cost[0], np.zeros((len(rows), count), int)

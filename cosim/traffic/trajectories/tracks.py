@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError
+from cosim.traffic.headings import unit_vectors
 
 GAP_S = 2.1  # who is not seen for longer was away, and is not put in between
 _FASTEST_MPS = 90.0
@@ -148,7 +149,7 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
         _check_order(path, name, time_s[rows])
         heading[rows] = _headings(position[rows, :2], heading[rows])
         if centred and users[name].kind != "pedestrian":
-            ahead = np.column_stack([np.cos(heading[rows]), np.sin(heading[rows])])
+            ahead = unit_vectors(heading[rows])
             position[rows, :2] += ahead * (size[number, 0] / 2 + users[name].middle_ahead_m)
         _check_way(path, name, time_s[rows], position[rows])
         speed[rows] = _speeds(time_s[rows], position[rows, :2], speed[rows])
