@@ -5,16 +5,18 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from assets import Mesh
+from assets.streets import Streets
 from assets.world import Groundwork, SignalHead, build_world, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.scene import Scene, TracedModel
-from sumo_nets import Town, read_town
+from sumo_nets import Town
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
 
@@ -36,28 +38,25 @@ class Models:
 
 @dataclass(frozen=True, eq=False)
 class Land:
-    """The part of a town that all its worlds share: no buildings, plants or street furniture.
+    """A town, or a part of it, without what its random worlds add: buildings, plants, street furniture.
 
     Attributes:
-        town: streets and traffic.
-        groundwork: meshes of roads and terrain.
-        ground: height queries on the ground.
+        town: streets and traffic of the whole town.
+        streets: streets that are built.
     """
 
     town: Town
-    groundwork: Groundwork
-    ground: Ground
+    streets: Streets
 
-    @classmethod
-    def of(cls, name: str) -> Land:
-        """Build the land of a town, given by name or path.
+    @cached_property
+    def groundwork(self) -> Groundwork:
+        """Meshes of roads and terrain."""
+        return lay_groundwork(self.streets)
 
-        Raises:
-            TownError: the town does not exist, or its files cannot be used.
-        """
-        town = read_town(name)
-        groundwork = lay_groundwork(town.streets)
-        return cls(town, groundwork, Ground(groundwork.ground))
+    @cached_property
+    def ground(self) -> Ground:
+        """Height queries on the ground."""
+        return Ground(self.groundwork.ground)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +84,13 @@ class Site:
     @classmethod
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
         """Build the world for the run's seed, the town and the world's number."""
-        town, groundwork = land.town, land.groundwork
+        town = land.town
         if config.world is not None:
             return cls._of(land, world, config.world.read(town.streets), (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        static = build_world(town.streets, int(np.random.default_rng(seeds).integers(2**31)), environment, groundwork)
+        seed = int(np.random.default_rng(seeds).integers(2**31))
+        static = build_world(land.streets, seed, environment, land.groundwork)
         return cls._of(land, world, static.mesh, static.signals, models, threads)
 
     @classmethod

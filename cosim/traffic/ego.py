@@ -39,14 +39,14 @@ def _reason(traffic: Traffic, actors: Actors) -> str:
     taxis = traffic.api.vehicle.getTaxiFleet(-1)
     if taxis:
         return (
-            f"{len(taxis)} taxis wait for a dispatcher, which is a program outside this scenario; write "
+            f"taxis waiting for a dispatcher, which is a program outside this scenario: {len(taxis)}; write "
             f'{_DISPATCH} or <device.taxi.dispatch-algorithm value="greedy"/> into the .sumocfg for the one of SUMO'
         )
     waiting = sum(_waits_for_ride(traffic, person) for person in traffic.api.person.getIDList())
     if waiting and standing:
         return (
-            f"{waiting} persons wait for rides and {standing} vehicles for a dispatcher: transport on demand, "
-            f"whose dispatcher is a program outside this scenario; write {_DISPATCH} for the one of SUMO"
+            f"transport on demand without a dispatcher, which is a program outside this scenario (persons waiting for "
+            f"rides: {waiting}, vehicles waiting for commands: {standing}); write {_DISPATCH} for the one of SUMO"
         )
     if not anybody_comes(traffic):
         return "all vehicles have arrived and none departs later; shorten warm_up_s, or add traffic"

@@ -69,7 +69,7 @@ def test_without_a_dispatcher_the_reason_and_the_option_are_named(tmp_path):
     with Traffic(found.write(tmp_path / "run"), 1, 0.5, as_given=True) as traffic:
         for _ in range(120):
             actors = traffic.step()
-        with pytest.raises(TrafficError, match=r"2 persons wait for rides and 1 vehicles for.*: greedy"):
+        with pytest.raises(TrafficError, match=r"for rides: 2, vehicles waiting for commands: 1\).*: greedy"):
             draw_ego(traffic, actors, np.random.default_rng(0))
 
 
