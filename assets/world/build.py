@@ -80,7 +80,7 @@ def build_world(
     def stand_z(xy: np.ndarray) -> np.ndarray:
         return relief.z_of_land(xy, outlines.pavement)
 
-    blocked = Obstacles(streets, outlines, base.paved, plots)
+    blocked = Obstacles(streets, outlines, base.paved, plots, base.decks)
     planted = planted_trees(streets.trees, blocked, stand_z, style, rng) if streets.trees else Mesh.empty()
     repairs = repairs_mesh(streets, outlines.carriageway, base.height, rng)
     walls = buildings_mesh(houses, rng)
