@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from assets import Mesh
 from assets.streets import Streets
-from assets.world import Groundwork, SignalHead, build_world, lay_groundwork
+from assets.world import BuiltWorld, Environment, Groundwork, SignalHead, build_world, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.scene import Scene, TracedModel
 from sumo_nets import Town
+from sumo_nets.local_origin import shift_streets
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
+_COORDINATE_DECIMALS = 6  # what remains of a subtraction in double precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +51,35 @@ class Land:
     streets: Streets
 
     @cached_property
+    def corner_m(self) -> np.ndarray:
+        """Where the world is built: (3,) lower corner of a user's streets, so that it is the same at any offset [m]."""
+        if self.town.is_built_in:
+            return np.zeros(3)
+        low = np.min([lane.centre[:, :2].min(0) for lane in self.streets.lanes], axis=0)
+        return np.array([*low, 0.0])
+
+    @cached_property
     def groundwork(self) -> Groundwork:
-        """Meshes of roads and terrain."""
-        return lay_groundwork(self.streets)
+        """Meshes of roads and terrain, relative to the corner."""
+        is_at_zero = not self.corner_m.any()
+        return lay_groundwork(
+            self.streets if is_at_zero else shift_streets(self.streets, -self.corner_m, _COORDINATE_DECIMALS)
+        )
 
     @cached_property
     def ground(self) -> Ground:
         """Height queries on the ground."""
-        return Ground(self.groundwork.ground)
+        return Ground(self.place(self.groundwork.ground))
+
+    def build(self, seed: int, environment: Environment) -> BuiltWorld:
+        """Build a random world, relative to the corner."""
+        return build_world(self.groundwork.streets, seed, environment, self.groundwork)
+
+    def place(self, mesh: Mesh) -> Mesh:
+        """Move a mesh from the corner to its position in the town."""
+        if not self.corner_m.any():
+            return mesh
+        return Mesh(mesh.vertices.astype(np.float64) + self.corner_m, mesh.faces, mesh.materials)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +112,11 @@ class Site:
             return cls._of(land, world, config.world.read(town.streets), (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        seed = int(np.random.default_rng(seeds).integers(2**31))
-        static = build_world(land.streets, seed, environment, land.groundwork)
-        return cls._of(land, world, static.mesh, static.signals, models, threads)
+        static = land.build(int(np.random.default_rng(seeds).integers(2**31)), environment)
+        to_town = np.eye(4)
+        to_town[:3, 3] = land.corner_m
+        signals = tuple(replace(head, pose=to_town @ head.pose) for head in static.signals)
+        return cls._of(land, world, land.place(static.mesh), signals, models, threads)
 
     @classmethod
     def _of(
