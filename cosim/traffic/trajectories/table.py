@@ -48,15 +48,33 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
     samples = _samples(header, rows, schema, table)
     sumo = is_sumo_table(header)
     on_foot = [sample.user in users and users[sample.user].kind == "pedestrian" for sample in samples]
+    _demand_a_clock(path, schema, table)
     riding = is_rider(samples, on_foot) if sumo else np.zeros(len(samples), bool)
     left, left_notes = _rows_left_out(schema, table)
     kept = [sample for sample, gone in zip(samples, (riding | left).tolist(), strict=True) if not gone]
     tracks = gather(path, kept, users, centred=schema.position == "middle")
     notes = tuple(f"{path}: {note}" for note in (*schema.notes, *left_notes))
+    if tracks.undirected:
+        notes += (
+            f"{path}: {len(tracks.undirected)} road users neither move nor have a heading ({tracks.undirected[0]!r}); "
+            "they face east",
+        )
     if riding.any():
         riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
         notes += (f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out",)
     return replace(tracks, sumo_clock=sumo, notes=notes, inferred=schema.as_dict())
+
+
+def _demand_a_clock(path: Path, schema: TableSchema, table: TableColumns) -> None:
+    """Raise TrajectoryError if all rows have the same time although a road user has several."""
+    name = schema.columns["time"]
+    time = table.values[name]
+    time = time[np.isfinite(time)]
+    if len(time) > 1 and not np.ptp(time) and np.bincount(table.user).max() > 1:
+        raise TrajectoryError(
+            f"{path}: {name} is {time[0]:g} in all rows, so it is not the time; state the column of times in "
+            f"{path}.yaml, as `columns: {{time: NAME}}`"
+        )
 
 
 def _users(
@@ -197,10 +215,18 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
         first = text.lstrip().partition("\n")[0]
         separator = max(",;\t", key=first.count)
         lines = [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(
+            f"{path} is not UTF-8 text (byte 0x{error.object[error.start]:02x} at position {error.start}); "
+            "save it as CSV in UTF-8"
+        ) from error
+    except (OSError, csv.Error) as error:
         raise TrajectoryError(f"{path} is no table: {' '.join(str(error).split())}; give CSV with a header") from error
     if not lines:
         raise TrajectoryError(f"{path} is empty; give CSV with a header")
+    if "\0" in text or text.lstrip().startswith(("{", "[")):
+        form = "binary data" if "\0" in text else "JSON"
+        raise TrajectoryError(f"{path} is {form}, not a table; give CSV with a header")
     header = [name.strip() for name in lines[0]]
     double = [name for name, count in Counter(header).items() if count > 1 and name]
     if double:

@@ -81,7 +81,8 @@ def _substitute(source: str, text: str, values: Mapping[str, str]) -> str:
             return f"{_evaluate(source, match[1], values):.12g}"
         if match[2] not in values:
             raise TrajectoryError(
-                f"{source}: ${match[2]} is declared in no element around its use; give it under <ParameterDeclarations>"
+                f"{source}: ${match[2]} is not declared before its use in an element around it; declare it in "
+                f"<ParameterDeclarations>, above the parameters that refer to it"
             )
         return values[match[2]]
 
