@@ -120,9 +120,11 @@ def _demand_one_width(samples: Sequence[bytes], width: int, kind: str, source: s
             others[likeliest] = others.get(likeliest, 0) + 1
     if others:
         report = ", ".join(f"{count} with {each} columns" for each, count in sorted(others.items()))
+        remaining = len(samples) - sum(others.values())
+        rest = f", {remaining} with {width} columns" if remaining else ""
         raise UnequalRowsError(
             f"{source}: scans of one sensor have rows of one length, but of {len(samples)} scans that were compared, "
-            f"{report}; choose those of one kind with --scans, or state the number with --columns (`columns:` in "
+            f"{report}{rest}; choose those of one kind with --scans, or state the number with --columns (`columns:` in "
             f"drive.yaml)"
         )
 

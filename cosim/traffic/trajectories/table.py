@@ -20,7 +20,7 @@ from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.table_heading import turned
 from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
 from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
-from cosim.traffic.trajectories.table_rows import position_outliers, repeated_rows, time_outliers
+from cosim.traffic.trajectories.table_rows import contradicted_times, position_outliers, repeated_rows, time_outliers
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
@@ -139,17 +139,21 @@ def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray
     twice = repeated_rows(table.user, time, x, y)
     stray = time_outliers(table.user, time) & ~twice
     unit_s, metres = schema.time_unit_s, schema.metres
-    away = position_outliers(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
+    places = x * metres, y * metres
+    wrong = contradicted_times(table.user, np.where(twice | stray, np.nan, time * unit_s), *places)
+    away = position_outliers(table.user, np.where(twice | stray | wrong, np.nan, time * unit_s), *places)
     left_notes = []
     if twice.any():
         left_notes.append(f"{int(twice.sum())} rows are there twice: one of each is used")
     if stray.any():
         left_notes.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
+    if wrong.any():
+        left_notes.append(f"{int(wrong.sum())} rows have times that contradict their places: left out")
     if away.any():
         left_notes.append(
             f"{int(away.sum())} places are reached and left far faster than the road user moves: left out"
         )
-    return twice | stray | away, tuple(left_notes)
+    return twice | stray | wrong | away, tuple(left_notes)
 
 
 def _usual(sizes: np.ndarray) -> float | None:
