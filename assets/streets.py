@@ -108,6 +108,8 @@ class Streets:
         buildings: buildings defined in the town's files; if there are any, no others are built.
         trees: (x, y) of trees defined in the files [m].
         origin_m: x, y, z of the local origin in the coordinates of the network's files [m]; add it to get those.
+        has_buildings: whether the town's files define buildings, even if none of them is in `buildings` because only a
+            part of the town is built.
     """
 
     name: str
@@ -120,3 +122,9 @@ class Streets:
     buildings: tuple[StreetBuilding, ...] = ()
     trees: tuple[tuple[float, float], ...] = ()
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    has_buildings: bool = False
+
+    @property
+    def defines_buildings(self) -> bool:
+        """Whether the buildings are given, so that none is drawn at random."""
+        return self.has_buildings or bool(self.buildings)

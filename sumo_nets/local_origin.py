@@ -116,16 +116,24 @@ def _root(scenario: Scenario, path: Path) -> ET.Element:
 
 def move_streets(streets: Streets, origin: Origin) -> Streets:
     """Streets in local coordinates."""
-    offset = np.array(origin)
+    return replace(shift_streets(streets, -np.array(origin)), origin_m=origin)
+
+
+def shift_streets(streets: Streets, offset_m: np.ndarray, decimals: int | None = None) -> Streets:
+    """Streets moved by an offset (3,) [m], their coordinates rounded to a number of decimals."""
+
+    def shift(points: np.ndarray) -> np.ndarray:
+        moved = points + offset_m[: points.shape[-1]]
+        return moved if decimals is None else moved.round(decimals)
+
     return replace(
         streets,
-        origin_m=origin,
-        lanes=tuple(replace(lane, centre=lane.centre - offset) for lane in streets.lanes),
-        areas=tuple(replace(area, outline=area.outline - offset) for area in streets.areas),
-        parking=tuple(replace(bay, centre=bay.centre - offset) for bay in streets.parking),
-        stop_lines=tuple(replace(stop, position=stop.position - offset) for stop in streets.stop_lines),
-        buildings=tuple(replace(house, outline=house.outline - offset[:2]) for house in streets.buildings),
-        trees=tuple((x - origin[0], y - origin[1]) for x, y in streets.trees),
+        lanes=tuple(replace(lane, centre=shift(lane.centre)) for lane in streets.lanes),
+        areas=tuple(replace(area, outline=shift(area.outline)) for area in streets.areas),
+        parking=tuple(replace(bay, centre=shift(bay.centre)) for bay in streets.parking),
+        stop_lines=tuple(replace(stop, position=shift(stop.position)) for stop in streets.stop_lines),
+        buildings=tuple(replace(house, outline=shift(house.outline)) for house in streets.buildings),
+        trees=tuple((float(x), float(y)) for x, y in shift(np.array(streets.trees, float).reshape(-1, 2))),
     )
 
 

@@ -54,6 +54,11 @@ class Town:
     streets_only: bool = False
 
     @property
+    def is_built_in(self) -> bool:
+        """Whether it is one of the towns of this package."""
+        return self.scenario is None and not self.streets_only
+
+    @property
     def type_files(self) -> tuple[Path, ...]:
         """Files that may define vehicle types."""
         routes = () if self.scenario is None else self.scenario.files.get("route-files", ())

@@ -29,6 +29,7 @@ _LEVEL_M = 1.2  # heights of one level
 _GAP_M = 0.6
 _EDGE_M = 2.0
 _SLAB_M = 0.9
+_ACROSS = 0.7  # cosine of the angle between a lane and an edge at its end
 _RAILING_M, _RAILING_WIDTH_M = 0.9, 0.2
 _PIERS_EVERY_M, _PIER_M, _PIERS_APART_M = 18.0, 1.0, 7.0
 
@@ -42,7 +43,7 @@ class Deck:
     Attributes:
         outline: in the plane.
         samples: (n, 3) points along its lanes, from which it has its height.
-        ends: (e, 2) middles of the ends of its lanes.
+        ends: (e, 4) middles of the ends of its lanes, and the directions of the lanes there (unit vectors).
         streets: its lanes only.
     """
 
@@ -230,7 +231,7 @@ def _decks(streets: Streets, samples: _Samples, deck: np.ndarray, raised: list[S
             shapely.union_all([*(strips[row] for row in rows), *areas]), _GAP_M / 2, join_style="mitre"
         )
         whole = shapely.simplify(shapely.buffer(whole, -_GAP_M / 2, join_style="mitre"), 0.03)
-        ends = np.concatenate([pieces[row][1][[0, -1], :2] for row in rows])
+        ends = np.concatenate([_ends(pieces[row][1]) for row in rows])
         own = replace(
             streets,
             lanes=tuple(pieces[row][0] for row in rows),
@@ -242,6 +243,13 @@ def _decks(streets: Streets, samples: _Samples, deck: np.ndarray, raised: list[S
         )
         decks.append(Deck(whole, points, ends, own))
     return tuple(decks)
+
+
+def _ends(line: np.ndarray) -> np.ndarray:
+    """Positions and directions (2, 4) of a line at its two ends."""
+    way = np.stack([line[1] - line[0], line[-1] - line[-2]])[:, :2]
+    length = np.linalg.norm(way, axis=1, keepdims=True)
+    return np.column_stack([line[[0, -1], :2], way / np.maximum(length, 1e-9)])
 
 
 def _strip(lane: StreetLane) -> Geometry:
@@ -292,13 +300,16 @@ def _railings(deck: Deck, top: Mesh, rim: np.ndarray) -> Mesh:
     """Walls along the rim, but not across the ends of lanes."""
     start, end = (top.vertices[rim[:, side]].astype(float) for side in (0, 1))
     middle = (start + end)[:, :2] / 2
+    way = (end - start)[:, :2]
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
     widest = max(lane.width_m for lane in deck.streets.lanes)
-    open_ = KDTree(deck.ends).query(middle)[0] < widest / 2 - 0.1
-    start, end = start[~open_], end[~open_]
+    away, nearest = KDTree(deck.ends[:, :2]).query(middle)
+    is_across = np.abs((way * deck.ends[nearest, 2:]).sum(1)) < _ACROSS
+    open_ = is_across & (away < widest / 2 + _EDGE_M / 2)
+    start, end, way = start[~open_], end[~open_], way[~open_]
     if not len(start):
         return Mesh.empty()
-    way = (end - start)[:, :2]
-    inward = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    inward = np.column_stack([-way[:, 1], way[:, 0]])
     step = np.column_stack([inward * _RAILING_WIDTH_M, np.zeros(len(start))])
     up = np.array([0, 0, _RAILING_M])
     corners = np.stack(

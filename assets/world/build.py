@@ -74,13 +74,13 @@ def build_world(
     rng = np.random.default_rng(seed)
     outlines, relief, edge = base.outlines, base.relief, base.edge
     ground = base.surfaced(terrain_materials(base.plan, style, base.town[0], base.town[1], rng))
-    plots = [] if streets.buildings else lay_out(base.paved, style, rng, base.open_roads)
+    plots = [] if streets.defines_buildings else lay_out(base.paved, style, rng, base.open_roads)
     houses = design(plots, style, lambda xy: relief.z(xy, TERRAIN), rng)
 
     def stand_z(xy: np.ndarray) -> np.ndarray:
         return relief.z_of_land(xy, outlines.pavement)
 
-    blocked = Obstacles(streets, outlines, base.paved, plots)
+    blocked = Obstacles(streets, outlines, base.paved, plots, base.decks)
     planted = planted_trees(streets.trees, blocked, stand_z, style, rng) if streets.trees else Mesh.empty()
     repairs = repairs_mesh(streets, outlines.carriageway, base.height, rng)
     walls = buildings_mesh(houses, rng)
@@ -98,7 +98,7 @@ def build_world(
         climbers_mesh(houses, stand_z, style.climbers, rng),
     ]
     gardens = garden_borders(houses, blocked, style, rng)
-    if streets.buildings:  # files with buildings have no hedges
+    if streets.defines_buildings:  # files with buildings have no hedges
         parts.append(given_buildings(streets.buildings, lambda xy: relief.z(xy, TERRAIN), style, rng))
     else:
         fronts, rows = enclose(streets, outlines, houses, gardens, blocked, style, rng)

@@ -78,8 +78,9 @@ def planted_trees(
     style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:
-    """Trees exactly where a town's files have them; others keep away."""
+    """Trees exactly where a town's files have them, except below bridges; others keep away."""
     places = np.array(spots, np.float64).reshape(-1, 2)
+    places = places[~blocked.lies_below_deck(places)]
     blocked.take(places, _TREE_TAKES_M)
     return _scatter(_mixed(rng, style.conifer_share, 84), places, stand_z, rng)
 

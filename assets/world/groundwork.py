@@ -42,6 +42,7 @@ class Groundwork:
         kerb_stones, markings: meshes upon it.
         edge: stations along the kerbs.
         bridges: railings, piers and markings of bridges, whose decks are part of `ground`.
+        decks: outlines of the decks of bridges, empty without bridges.
     """
 
     streets: Streets
@@ -58,6 +59,7 @@ class Groundwork:
     markings: Mesh
     edge: Kerbside
     bridges: Mesh
+    decks: Geometry
 
     def surfaced(self, terrain_materials: np.ndarray) -> Mesh:
         """The ground with terrain of given materials, (t,) rows in the plan's order."""
@@ -86,6 +88,7 @@ def lay_groundwork(streets: Streets) -> Groundwork:
     relief = TerrainRelief(height, outlines.crossings)
     land = ground_mesh(plan, relief, np.full(int((plan.zone == TERRAIN).sum()), CARRIAGEWAY, np.uint8))
     surfaces, bridges = decks_mesh(decks, height, outlines.carriageway)
+    above = shapely.union_all([deck.outline for deck in decks])
     paint = [markings_mesh(deck.streets, deck.outline, deck.height) for deck in decks]
     return Groundwork(
         streets=streets,
@@ -93,7 +96,7 @@ def lay_groundwork(streets: Streets) -> Groundwork:
         bounds=bounds,
         height=height,
         outlines=outlines,
-        paved=shapely.union_all([outlines.paved, *(deck.outline for deck in decks)]) if decks else outlines.paved,
+        paved=shapely.union_all([outlines.paved, above]) if decks else outlines.paved,
         open_roads=open_roads(streets),
         relief=relief,
         plan=plan,
@@ -102,4 +105,5 @@ def lay_groundwork(streets: Streets) -> Groundwork:
         markings=markings_mesh(streets, outlines.carriageway, height),
         edge=kerbside(streets, outlines),
         bridges=Mesh.merge([bridges, *paint]),
+        decks=above,
     )

@@ -15,17 +15,21 @@ from assets.world.surfaces import Outlines
 
 _WALKING_LINE_M = 0.45  # kept free on either side of a sidewalk's centre line
 _CROSSING_M = 1.2  # kept free around crossings
+_DECK_M = 2.5  # kept free beside bridges, for crowns of trees
 
 
 class Obstacles:
     """Checks positions of props and stores placed ones."""
 
-    def __init__(self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[BuildingPlot]) -> None:
-        """Collects the fixed obstacles of a town; `paved` is the whole of its outlines."""
+    def __init__(
+        self, streets: Streets, outlines: Outlines, paved: Geometry, plots: list[BuildingPlot], decks: Geometry
+    ) -> None:
+        """Collects the fixed obstacles of a town; `paved` is the whole of its outlines, `decks` those of bridges."""
+        self._decks = decks
         self._carriageway = outlines.carriageway
         self._paved = paved
         self._crossings = outlines.crossings
-        shapely.prepare([self._carriageway, self._paved, self._crossings])
+        shapely.prepare([self._carriageway, self._paved, self._crossings, self._decks])
         given = [outline_polygon(building) for building in streets.buildings]
         self._houses = STRtree([*(shapely.Polygon(plot.corners()) for plot in plots), *given])
         lines = [lane.centre for lane in streets.lanes if lane.use == "sidewalk"]
@@ -33,7 +37,15 @@ class Obstacles:
         self._walked = KDTree(np.concatenate(walked)) if walked else None
         self._taken = np.zeros((0, 3))  # x, y, radius
 
-    def free(self, xy: np.ndarray, radius_m: float, road_m: float = 0.15, paved_m: float | None = None) -> np.ndarray:
+    def free(
+        self,
+        xy: np.ndarray,
+        radius_m: float,
+        road_m: float = 0.15,
+        paved_m: float | None = None,
+        *,
+        fits_below_decks: bool = False,
+    ) -> np.ndarray:
         """Whether a prop of `radius_m` may be at points `xy` (n, 2); earlier props are ignored.
 
         Args:
@@ -41,6 +53,7 @@ class Obstacles:
             radius_m: distance to keep from houses.
             road_m: distance to keep from the carriageway.
             paved_m: distance to keep from any paved ground, for plants; None allows pavement.
+            fits_below_decks: whether the prop is lower than the decks of bridges.
         """
         points = shapely.points(xy)
         ok = ~np.asarray(shapely.dwithin(self._carriageway, points, road_m))
@@ -49,9 +62,17 @@ class Obstacles:
         if paved_m is not None:
             ok &= ~np.asarray(shapely.dwithin(self._paved, points, paved_m))
         ok[self._houses.query(points, predicate="dwithin", distance=radius_m)[0]] = False
+        if not fits_below_decks:
+            ok &= ~self.lies_below_deck(xy)
         if self._walked is not None:
             ok &= self._walked.query(xy)[0] > _WALKING_LINE_M
         return ok
+
+    def lies_below_deck(self, xy: np.ndarray) -> np.ndarray:
+        """Whether points (n, 2) lie below or close to the deck of a bridge."""
+        if shapely.is_empty(self._decks):
+            return np.zeros(len(xy), bool)
+        return np.asarray(shapely.dwithin(self._decks, shapely.points(xy), _DECK_M))
 
     def take(self, xy: np.ndarray, radius_m: float, most: int | None = None) -> np.ndarray:
         """Reserves points (n, 2) in order, `most` at most; false where an earlier prop is too near."""

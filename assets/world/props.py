@@ -89,7 +89,7 @@ def _behind_kerb(position: np.ndarray, heading_rad: float, left: bool, blocked: 
     """The first free spot (1, 2) to the right or left of a lane, reserved; None if there is none."""
     aside = np.array([np.sin(heading_rad), -np.cos(heading_rad)]) * (-1.0 if left else 1.0)
     spots = position + aside * (_SEARCH_M[:, None] + 1.0)
-    free = blocked.free(spots, 0.3, road_m=0.3)
+    free = blocked.free(spots, 0.3, road_m=0.3, fits_below_decks=True)
     for spot in spots[free][:6]:
         if blocked.take(spot[None], 0.25)[0]:
             return spot[None]

@@ -28,10 +28,11 @@ from cosim.scene.bridge import Bridge
 from cosim.scene.ground import Ground
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
 from cosim.scene.site import Land, Models, Site, light_of
+from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
 from sensors.scene import Instances
 from sensors.sensor_model import SensorModel
-from sumo_nets import Town
+from sumo_nets import Town, read_town
 
 LABEL_DECIMALS = 4
 _RIG_STREAM = 2  # random stream of the rig jitter, independent of the measurement
@@ -61,7 +62,9 @@ class Recorder:
         self._models = Models(self._mesh)
         self._written_models: set[str] = set()
         self._instance_texts = InstanceTexts()
-        self._worlds = world_count(plan_episodes(config))
+        plans = plan_episodes(config)
+        self._worlds, self._episodes = world_count(plans), len(plans)
+        self._static: str | None = None
         self._rig = place_rig(config)
         self._sensor = sensors[self._rig.first]
         self._lidars = RigLidars(self._rig, sensors, config.seed)
@@ -69,26 +72,66 @@ class Recorder:
         self._cameras = RigCameras(
             self._rig, config.images, self._models, config.backend, needs_view=needs_view, seed=config.seed
         )
-        self._land: tuple[str, Land] | None = None
+        self._town: tuple[str, Town] | None = None
+        self._land: Land | None = None
         self._site: Site | None = None
+        reach_m = max(sensor.pattern.range_m[1] for sensor in sensors.values())
+        self._sight_m = max(reach_m, config.label_range_m, SIGHT_M if config.images or needs_view else 0.0)
         writer.write_once("twin/materials.yaml", format_materials(_WORLD_MATERIALS).encode())
 
     def move_to(self, plan: EpisodePlan) -> Town:
-        """Prepare the site and the light of an episode; the current site is reused. Returns the episode's town."""
-        if self._land is None or self._land[0] != plan.town:
-            self._land = plan.town, Land.of(plan.town)
-        land = self._land[1]
-        if self._site is None or (self._site.land, self._site.world) != (land, plan.world):
-            self._site = None  # free its memory before the next world is built
-            self._site = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
-            path = f"twin/{self._static_file() or 'static.glb'}"
-            if not self._writer.has(path):
-                self._writer.write(path, encode_glb(self._site.mesh, land.town.name))
+        """Prepare the site and the light of an episode; the current site is reused. Returns the episode's town.
+
+        The site of a large town depends on the route; `move_along` prepares it.
+        """
+        if self._town is None or self._town[0] != plan.town:
+            self._land = self._site = None  # free their memory before the next town is read
+            self._town = plan.town, read_town(plan.town)
+        town = self._town[1]
+        if not self.follows_route:
+            if self._land is None:
+                self._land = Land(town, town.streets)
+            if self._site is None or self._site.world != plan.world:
+                self._build(self._land, plan, f"worlds/{town.name}-{plan.world:03d}.glb" if self._worlds > 1 else None)
+            self._enter(plan)
+        return town
+
+    @property
+    def follows_route(self) -> bool:
+        """Whether the current town is so large that only the surroundings of each route are built."""
+        return self._town is not None and self._config.world is None and is_large(self._town[1].streets)
+
+    def move_along(self, plan: EpisodePlan, attempt: int, route: np.ndarray) -> None:
+        """Prepare the site of a simulation in a large town: the surroundings of its route.
+
+        Args:
+            plan: plan of the episode.
+            attempt: number of the simulation in its episode.
+            route: (n, 2) positions of the sensors' carrier [m].
+        """
+        assert self._town is not None
+        town, is_only = self._town[1], self._episodes == 1 and attempt == 0
+        self._land = self._site = None
+        land = Land(town, surroundings(town.streets, route, self._sight_m))
+        self._build(land, plan, None if is_only else f"worlds/{town.name}-{plan.number:04d}-{attempt}.glb")
+        self._enter(plan)
+
+    def _build(self, land: Land, plan: EpisodePlan, static: str | None) -> None:
+        """Build the static world; `static` is its file relative to `twin/` if the drive has several, else None."""
+        self._site = None  # free its memory before the next world is built
+        self._site = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
+        self._static = static
+        path = f"twin/{static or 'static.glb'}"
+        if not self._writer.has(path):
+            self._writer.write(path, encode_glb(self._site.mesh, land.town.name))
+
+    def _enter(self, plan: EpisodePlan) -> None:
+        """Load the current site and the light of an episode."""
+        assert self._site is not None
         self._cameras.enter(self._site, light_of(self._config, plan.number))
         self._labellers = {name: self._make_labeller(name, plan.number) for name in self._cameras.labelled}
-        self._ground = land.ground if self._config.world is None else Ground(self._site.mesh)
+        self._ground = self._site.land.ground if self._config.world is None else Ground(self._site.mesh)
         self._bridge = Bridge(self._ground, self._config.seed + plan.number, self._external)
-        return land.town
 
     def note(self, entry: dict[str, object]) -> None:
         """Write an entry about an episode into the manifest, after its frames."""
@@ -191,11 +234,6 @@ class Recorder:
             seed=self._config.seed + episode,
         )
 
-    def _static_file(self) -> str | None:
-        """File of the current world relative to `twin/` if the drive has several worlds, else None."""
-        assert self._site is not None
-        return f"worlds/{self._site.land.town.name}-{self._site.world:03d}.glb" if self._worlds > 1 else None
-
     def _twin(self, name: str, time_s: float, ego: Ego, others: Instances, lidar_pose_ego: np.ndarray) -> TwinFrame:
         lidars = self._lidars.twins(lidar_pose_ego, named=not self._config.rig_used.kitti_row)
         return TwinFrame(
@@ -206,7 +244,7 @@ class Recorder:
             lidar=lidars.pop(self._rig.first),
             cameras=self._cameras.twins(lidar_pose_ego),
             instances=_twin_instances(others),
-            static=self._static_file(),
+            static=self._static,
             lidars=lidars,
         )
 

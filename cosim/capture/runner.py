@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from assets.external import load_external
+from assets.streets import Streets
 from cosim.capture.config import RunConfig
 from cosim.capture.disk_estimate import check_disk_space, estimate_bytes
 from cosim.capture.plan import EpisodePlan, plan_episodes
@@ -56,6 +57,7 @@ def run(
     *,
     engine: Engine | None = None,
     on_start: Callable[[int, int], None] = lambda done, total: None,
+    on_towns: Callable[[Mapping[str, Streets]], None] = lambda streets: None,
     on_event: Callable[[JobEvent], None] = lambda event: None,
 ) -> RunResult:
     """Record a drive, or resume an interrupted one; its bytes depend only on `config`.
@@ -65,6 +67,7 @@ def run(
         folder: folder of the drive; created if it does not exist.
         engine: engine that runs the episodes; by default one local process.
         on_start: called with the number of existing frames and the total number of frames.
+        on_towns: called before `on_start` with the streets of the towns that are not built in, by name.
         on_event: called with every event of the workers.
 
     Raises:
@@ -75,11 +78,14 @@ def run(
     sensors = rig_sensors(config)
     inferred: dict[str, Any] = {}
     origins: dict[str, tuple[float, float, float]] = {}
+    streets: dict[str, Streets] = {}
     has_inputs = config.world is not None or config.trajectories is not None
     for name in config.towns:
         if name in RECIPES and not has_inputs:
             continue  # a built-in town has no notes, and the workers read it anyway
         town = read_town(name)
+        if name not in RECIPES:
+            streets[name] = town.streets
         if any(town.streets.origin_m):
             origins[town.name] = town.streets.origin_m
         for note in town.notes:
@@ -96,6 +102,8 @@ def run(
             raise RunError(
                 f"{name}: contains a road network but no traffic; give --trajectories, or a .sumocfg with routes"
             )
+    on_towns(streets)
+    del streets
     load_external(config.external_vehicles)
     writer = DriveWriter(folder)
     remaining = 1 - len(writer.manifest()) / config.frames

@@ -65,6 +65,7 @@ class RecordJob:
         """Create a recorder; yields a function that records an `EpisodeRecording`."""
         from cosim.capture.recorder import Recorder
         from cosim.capture.rig_sensors import rig_sensors
+        from cosim.capture.route_recorder import RouteRecorder
 
         with shared(self.folder):
             replay = None
@@ -76,11 +77,15 @@ class RecordJob:
                 if replay is None and self.config.trajectories is not None:
                     replay = replay_of(self.config.trajectories, town)
                 tell(JobEvent("ready"))
+                target: Recorder | RouteRecorder = recorder
                 frames: _FrameArguments = {"done": task.done, "on_frame": lambda name: tell(JobEvent("frame", name))}
+                if recorder.follows_route:
+                    target = RouteRecorder(recorder, task.plan, **frames)
+                    frames = {"done": frozenset(), "on_frame": lambda _: None}
                 if replay is not None:
-                    replay_episode(task.plan, self.config, town, replay, recorder, **frames)
+                    replay_episode(task.plan, self.config, town, replay, target, **frames)
                 else:
-                    run_episode(task.plan, self.config, town, recorder, **frames, on_step=_make_heartbeat(tell))
+                    run_episode(task.plan, self.config, town, target, **frames, on_step=_make_heartbeat(tell))
 
             try:
                 yield record

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from cosim.cli.engine_options import add_engine, engine_of
 from cosim.cli.options import add_common, write_json
+
+if TYPE_CHECKING:
+    from assets.streets import Streets
 
 
 def add_command(commands: Any) -> None:
@@ -45,7 +49,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.capture.disk_estimate import estimate_bytes, in_words
     from cosim.capture.rig_sensors import rig_sensors
     from cosim.capture.runner import run
-    from cosim.capture.time_estimate import estimate_s, machine_slowness, time_in_words
+    from cosim.capture.time_estimate import TownSize, estimate_s, machine_slowness, time_in_words
     from cosim.cli.progress import FrameReport
 
     config = load_config(
@@ -61,17 +65,21 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     engine = engine_of(options)
     started = time.monotonic()
     with FrameReport(console, starting="building the town", working="recording") as report:
+        sizes: dict[str, TownSize] = {}
+
+        def measure(towns: Mapping[str, Streets]) -> None:
+            sizes.update({name: TownSize.of(streets) for name, streets in towns.items()})
 
         def start(done: int, total: int) -> None:
             if done < total and options.engine == "local":  # the number of a cluster's workers varies
                 sensors, left, workers = list(rig_sensors(config).values()), 1 - done / total, options.workers
                 size = in_words(estimate_bytes(config, sensors) * left)
-                takes = time_in_words(estimate_s(config, sensors, workers, machine_slowness()) * left)
+                takes = time_in_words(estimate_s(config, sensors, workers, machine_slowness(), sizes) * left)
                 with_whom = "1 worker" if workers == 1 else f"{workers} workers"
                 console.print(f"{total - done} frames to record: about {size}, {takes} with {with_whom}")
             report.start(done, total)
 
-        result = run(config, options.out, engine=engine, on_start=start, on_event=report.follow)
+        result = run(config, options.out, engine=engine, on_start=start, on_towns=measure, on_event=report.follow)
     seconds = time.monotonic() - started
     console.print(
         f"{result.frames} frames, {result.points:,} points in {result.folder} "

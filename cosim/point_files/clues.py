@@ -19,6 +19,8 @@ _LAYER_SHARE, _OTHER_SHARE, _BEYOND_SHARE = 0.12, 0.3, 0.02
 _REACH_M = 40.0  # of points that show the ground
 _RING_SPREAD = 0.3  # spread of elevations within a laser over that of all points
 _GROWTH = 0.97  # correlation of time with place in the file
+_ANGLE_UNITS_RAD = (1.0, np.pi / 180, np.pi / 18_000)  # of columns that repeat an angle
+_REPEATS, _SAME_RATIO, _SAME_RAD = 0.95, 0.01, 0.01  # share of the points, relative and absolute difference
 _CORE, _GAP = (0.02, 0.98), 0.25  # quantiles of times without outliers; longest pause relative to their span
 
 
@@ -103,6 +105,49 @@ def separates_elevations(xyz: np.ndarray, values: np.ndarray) -> bool:
     median = elevation[order][np.cumsum(count) - (count + 1) // 2]
     within = float(np.median(np.abs(elevation - median[group])))
     return within < _RING_SPREAD * float(np.median(np.abs(elevation - np.median(elevation))))
+
+
+def repeated_geometry(xyz: np.ndarray, values: np.ndarray) -> str | None:
+    """Name the coordinate of the points that a column repeats in another form; None if it repeats none.
+
+    Args:
+        xyz: (n, 3) points.
+        values: (n,) column.
+    """
+    ground_m, reach_m = np.hypot(xyz[:, 0], xyz[:, 1]), np.linalg.norm(xyz, axis=1)
+    usual = np.isfinite(values) & np.isfinite(reach_m) & (reach_m > 0)
+    if usual.sum() < _FEWEST:
+        return None
+    values, ground_m, reach_m, xyz = values[usual], ground_m[usual], reach_m[usual], xyz[usual]
+    for name, length in (("range", reach_m), ("horizontal range", ground_m), ("squared range", reach_m**2)):
+        if _is_proportional(values, length):
+            return name
+    azimuth, elevation = np.arctan2(xyz[:, 1], xyz[:, 0]), np.arctan2(xyz[:, 2], ground_m)
+    for unit in _ANGLE_UNITS_RAD:
+        span = float(np.ptp(np.quantile(values, [0.01, 0.99]))) * unit
+        if 0.5 * np.pi < span < 2.02 * np.pi and any(_is_turned(sense * values * unit, azimuth) for sense in (1, -1)):
+            return "azimuth"
+        if np.mean(np.abs(values * unit - elevation) < _SAME_RAD) > _REPEATS:
+            return "elevation"
+    return None
+
+
+def _is_proportional(values: np.ndarray, length: np.ndarray) -> bool:
+    """Whether values are a constant times lengths that differ."""
+    spread = np.quantile(length, [0.1, 0.9])
+    usual = length > 0
+    if spread[1] < 1.5 * spread[0] or usual.mean() < _REPEATS:
+        return False
+    ratio = values[usual] / length[usual]
+    factor = float(np.median(ratio))
+    return factor > 0 and float(np.mean(np.abs(ratio / factor - 1) < _SAME_RATIO)) > _REPEATS
+
+
+def _is_turned(angle_rad: np.ndarray, azimuth_rad: np.ndarray) -> bool:
+    """Whether angles are azimuths from any zero."""
+    away = np.exp(1j * (angle_rad - azimuth_rad))
+    middle = np.angle(np.mean(away))
+    return float(np.mean(np.abs(np.angle(away * np.exp(-1j * middle))) < _SAME_RAD)) > _REPEATS
 
 
 def are_laser_numbers(values: np.ndarray, most: int = 512) -> bool:

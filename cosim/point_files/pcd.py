@@ -11,6 +11,7 @@ from cosim.point_files.scan import PointFileError
 
 _KINDS = {"F": "f", "U": "u", "I": "i"}
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
+_IDENTITY, _SAME = (0, 0, 0, 1, 0, 0, 0), 1e-6  # translation and quaternion (w first) of VIEWPOINT
 _LONGEST_HEADER = 65_536
 
 
@@ -28,6 +29,7 @@ def read_pcd(data: bytes, source: str) -> dict[str, np.ndarray]:
         raise PointFileError(
             f"{source}: {len(names)} FIELDS, {len(sizes)} SIZE, {len(types)} TYPE, {len(counts)} COUNT; give one each"
         )
+    _demand_sensor_origin(header, source)
     type_names = [_kind(*item, source) for item in zip(names, types, sizes, strict=True)]
     points = _points(header, source)
     form = header["DATA"][0].lower()
@@ -65,6 +67,21 @@ def _header(data: bytes, source: str) -> tuple[dict[str, list[str]], bytes]:
     if missing:
         raise PointFileError(f"{source}: missing in the header: {', '.join(missing)}; write the file again")
     return header, data[position:]
+
+
+def _demand_sensor_origin(header: dict[str, list[str]], source: str) -> None:
+    """Raise PointFileError if the points are stated to be taken from another pose than the origin."""
+    words = header.get("VIEWPOINT", [])
+    try:
+        pose = [float(word) for word in words]
+    except ValueError:
+        pose = []
+    if not words or (len(pose) == 7 and max(abs(a - abs(b)) for a, b in zip(_IDENTITY, pose, strict=True)) < _SAME):
+        return
+    raise PointFileError(
+        f"{source}: VIEWPOINT {' '.join(words)[:80]} states that the sensor was not at the origin of the points' axes; "
+        f"subtract this pose from the points, or write VIEWPOINT 0 0 0 1 0 0 0 if they are relative to the sensor"
+    )
 
 
 def _whole(header: dict[str, list[str]], key: str, source: str) -> list[int]:

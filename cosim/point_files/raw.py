@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.point_files.scan import PointFileError
+from cosim.point_files.scan import PointFileError, UnequalRowsError
 
 WIDTHS = (4, 5, 6, 3, 7, 8, 9, 10, 12)  # columns, the most likely first
 _KINDS = ("<f4", ">f4", "<f8")
@@ -21,8 +21,11 @@ _VALUES = 48_000  # of a file that are looked at
 _ORDINARY = (1e-6, 1e7)  # magnitudes of coordinates, intensities, times; zero is ordinary too
 _ORDINARY_SHARE = 0.9
 _MOST_SHARE, _LEAD = 0.6, 0.15  # a smaller share that leads that of other kinds of number by so much
+_TEXT_BYTES, _PRINTABLE = 512, frozenset(range(32, 127)) | {9, 10, 13}
+_LFS = b"version https://git-lfs"
 _FEWEST_ROWS = 50  # for a correlation that means something
 _CLEAR = 0.25  # least correlation of a true period
+_CONTRADICTS = 0.2  # correlation by which another period of a scan beats that of all scans
 _TIE = 0.03  # periods whose correlations differ by less are multiples of each other
 
 
@@ -95,6 +98,8 @@ def find_row_layout(samples: Sequence[bytes], source: str, columns: int | None =
         )
     found = {width: _correlation(filled, width, kind) for width in fitting}
     best = max(found.values())
+    if columns is None:
+        _demand_one_width(filled, max(found, key=lambda width: found[width]), kind, source)
     if best < _CLEAR:
         likeliest = _plausible(filled, fitting, kind)
         return RowLayout(likeliest, kind, 0.0)
@@ -102,11 +107,34 @@ def find_row_layout(samples: Sequence[bytes], source: str, columns: int | None =
     return RowLayout(width, kind, round(best, 3))
 
 
+def _demand_one_width(samples: Sequence[bytes], width: int, kind: str, source: str) -> None:
+    """Raise UnequalRowsError if scans clearly have rows of another number of columns than most."""
+    others: dict[int, int] = {}
+    for data in samples:
+        own = {each: _correlation([data], each, kind) for each in WIDTHS if _dividing([data], each, kind)}
+        best = max(own.values(), default=0.0)
+        if best > max(_CLEAR, own.get(width, 0.0) + _CONTRADICTS):
+            likeliest = min(each for each, value in own.items() if value > best - _TIE)
+            if not width % likeliest or not likeliest % width:
+                continue  # a multiple of the period
+            others[likeliest] = others.get(likeliest, 0) + 1
+    if others:
+        report = ", ".join(f"{count} with {each} columns" for each, count in sorted(others.items()))
+        remaining = len(samples) - sum(others.values())
+        rest = f", {remaining} with {width} columns" if remaining else ""
+        raise UnequalRowsError(
+            f"{source}: scans of one sensor have rows of one length, but of {len(samples)} scans that were compared, "
+            f"{report}{rest}; choose those of one kind with --scans, or state the number with --columns (`columns:` in "
+            f"drive.yaml)"
+        )
+
+
 def _find_kind(samples: Sequence[bytes], source: str) -> str:
     """The kind of number as which nearly all values are ordinary, or clearly more than as any other.
 
     One column of other magnitudes, as of stamps since 1970 in ns, leaves the rest ordinary.
     """
+    _refuse_text(samples, source)
     shares = {kind: _ordinary_share(samples, kind) for kind in _KINDS}
     for kind, share in shares.items():
         others = max(value for other, value in shares.items() if other != kind)
@@ -117,6 +145,22 @@ def _find_kind(samples: Sequence[bytes], source: str) -> str:
         f"{source}: values have no ordinary magnitudes (1e-6 to 1e7) as rows of numbers ({report}), so this is no "
         "scan of x y z …: write it as .npz with named arrays, or choose the scans with --scans"
     )
+
+
+def _refuse_text(samples: Sequence[bytes], source: str) -> None:
+    """Raise PointFileError if the files are text."""
+    for data in samples:
+        head = data[:_TEXT_BYTES]
+        if sum(byte in _PRINTABLE for byte in head) < len(head):
+            continue
+        start = head[:40].decode("ascii").split("\n")[0]
+        if head.startswith(_LFS):
+            remedy = "it is a pointer of Git LFS: fetch the file itself with `git lfs pull`"
+        else:
+            remedy = (
+                f"it is text ({start!r}), not rows of numbers: fetch the scan again, or choose the scans with --scans"
+            )
+        raise PointFileError(f"{source}: {remedy}")
 
 
 def _ordinary_share(samples: Sequence[bytes], kind: str) -> float:

@@ -14,6 +14,10 @@ class PointFileError(FormatError):
     """A point file cannot be read, or its numbers have no meaning that all clues agree on."""
 
 
+class UnequalRowsError(PointFileError):
+    """Scans have rows of different numbers of columns."""
+
+
 @dataclass(frozen=True, eq=False)
 class Scan:
     """The points of one revolution in the sensor's axes (x forward, y left, z up), in the order of the file.

@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 
 from cosim.point_files.axes import check_axes, find_metres
-from cosim.point_files.clues import are_laser_numbers, core_times, grows_along_firing, separates_elevations
+from cosim.point_files.clues import (
+    are_laser_numbers,
+    core_times,
+    grows_along_firing,
+    repeated_geometry,
+    separates_elevations,
+)
 from cosim.point_files.options import PointOptions
 from cosim.point_files.scan import PointFileError, Scan
 
@@ -45,7 +51,7 @@ _BYTE, _WORD = 255.0, 65535.0
 _BRIGHT = 0.999  # quantile of intensities that scales them
 _SIGNED_SHARE = 0.2  # share of negative intensities above which the column is no intensity
 _REPEATED = (20, 0.005)  # points at one place, count and share, that are no returns
-_FAR, _FAR_M = 10.0, 300.0  # times the 99 % quantile of the ranges, and metres: beyond both is no return
+_FAR, _FAR_M = 10.0, 600.0  # times the upper quartile of the ranges, and metres: beyond both is no return
 _SPHERE_M, _SPHERE_SHARE, _SPHERE_DEG = 0.002, 0.01, 2.0  # points at the greatest range over several elevations
 _WORLD_M = 60.0  # least range of points that are not measured from the sensor
 _TINY = 1e-6
@@ -116,6 +122,7 @@ def find_schema(samples: Sequence[Columns], options: PointOptions | None = None,
     clouds = [cloud.without(no_return) for cloud in clouds]
     metres = options.metres or find_metres([cloud.xyz for cloud in clouds], source, notes)
     _demand_sensor_frame(clouds, metres, source)
+    clouds = [cloud.within_reach(metres) for cloud in clouds]
     names, unit_s = _times(clouds, names, notes, stated=options.columns is not None)
     times = [cloud.time if unit_s else None for cloud in clouds]
     axes, is_checked = options.axes_matrix, True
@@ -238,6 +245,14 @@ class _Cloud:
         """Column of a role, good rows."""
         return self.columns[role][self.good] if role in self.columns else None
 
+    def within_reach(self, metres: float) -> _Cloud:
+        """Rows beyond any range of a sensor are good no longer; `metres` is the length of one unit."""
+        if self.good.sum() < 100:
+            return self
+        with np.errstate(invalid="ignore", over="ignore"):
+            reach = np.linalg.norm(self.stored, axis=1)
+            return _Cloud(self.stored, self.good & ~(reach > _farthest(reach[self.good], metres)), self.columns)
+
     def without(self, positions: Sequence[tuple[float, float, float]]) -> _Cloud:
         """Rows at these places are good no longer."""
         if not positions:
@@ -288,6 +303,10 @@ def _roles_of_unnamed(samples: Sequence[Columns], keys: list[str], source: str, 
     clouds = [cloud.without(no_return) for cloud in clouds]
     spare = []
     for key in keys[3:]:
+        copy = _repeated(clouds, key)
+        if copy is not None:
+            notes.append(f"{key} is the {copy} of the points: not used; --columns settles it")
+            continue
         role = next((role for role in ("ring", "time") if role not in found and _proves(clouds, key, role)), None)
         if role is None:
             spare.append(key)
@@ -328,6 +347,13 @@ def _proves(clouds: Sequence[_Cloud], key: str, role: str) -> bool:
             span = float(np.ptp(values[usual])) if usual.any() else 0.0
             verdicts.append(_sweep_unit(span) > 0 and not are_laser_numbers(values) and grows_along_firing(xyz, values))
     return bool(verdicts) and 2 * sum(verdicts) > len(verdicts)
+
+
+def _repeated(clouds: Sequence[_Cloud], key: str) -> str | None:
+    """The coordinate that a column repeats in most scans."""
+    found = [repeated_geometry(cloud.xyz, cloud.columns[key][cloud.good].astype(np.float64)) for cloud in clouds]
+    copies = [name for name in found if name is not None]
+    return copies[0] if 2 * len(copies) > len(found) else None
 
 
 def _may_be_intensity(clouds: Sequence[_Cloud], key: str, source: str, keys: list[str]) -> bool:
@@ -428,6 +454,11 @@ def _spans_elevations(xyz: np.ndarray) -> bool:
     return float(np.ptp(np.quantile(elevation, [0.1, 0.9]))) > _SPHERE_DEG
 
 
+def _farthest(reach: np.ndarray, metres: float) -> float:
+    """Range beyond which a point is no return, in units of `metres`, from the ranges (n,) of all points."""
+    return max(_FAR * float(np.quantile(reach, 0.75)), _FAR_M / metres)
+
+
 def _at(xyz: np.ndarray, positions: Sequence[tuple[float, float, float]]) -> np.ndarray:
     found = np.zeros(len(xyz), bool)
     for position in positions:
@@ -493,6 +524,10 @@ def _intensities(
     if negative > _SIGNED_SHARE:
         notes.append(f"{key} is not used as intensity: {negative:.0%} of its values are negative; --columns settles it")
         return {role: name for role, name in names.items() if role != "intensity"}, 1.0
+    copy = None if options.roles is not None else _repeated(clouds, "intensity")
+    if copy is not None:
+        notes.append(f"{key} is not used as intensity: it is the {copy} of the points; --columns settles it")
+        return {role: name for role, name in names.items() if role != "intensity"}, 1.0
     if options.intensity_scale is not None:
         return names, options.intensity_scale
     kind = found[0].dtype
@@ -525,8 +560,7 @@ def _unusable(cloud: _Cloud, schema: PointSchema) -> dict[str, np.ndarray]:
             reasons["no return by their place"] = _at(cloud.stored, schema.no_return)
         reach = np.where(cloud.good, np.linalg.norm(cloud.stored, axis=1), 0.0)
         if cloud.good.sum() >= 100:
-            farthest = max(_FAR * float(np.quantile(reach[cloud.good], 0.99)), _FAR_M / schema.metres)
-            reasons["too far"] = reach > farthest
+            reasons["too far"] = reach > _farthest(reach[cloud.good], schema.metres)
         if schema.no_return_range is not None:
             same = np.abs(reach - schema.no_return_range) < max(_SPHERE_M, 1e-6 * schema.no_return_range)
             reasons["no return by their range"] = same

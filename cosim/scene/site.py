@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from assets import Mesh
 from assets.cache import cached_latest
-from assets.world import Groundwork, SignalHead, build_world, lay_groundwork
+from assets.streets import Streets
+from assets.world import BuiltWorld, Environment, Groundwork, SignalHead, build_world, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
 from sensors.cameras.tiles import cut_world
 from sensors.scene import Scene, TracedModel
-from sumo_nets import Town, read_town
+from sumo_nets import Town
+from sumo_nets.local_origin import shift_streets
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
 _build_world = cached_latest(8, ignore=("groundwork",))(build_world)  # 30 MB each
+_COORDINATE_DECIMALS = 6  # what remains of a subtraction in double precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,28 +43,46 @@ class Models:
 
 @dataclass(frozen=True, eq=False)
 class Land:
-    """The part of a town that all its worlds share: no buildings, plants or street furniture.
+    """A town, or a part of it, without what its random worlds add: buildings, plants, street furniture.
 
     Attributes:
-        town: streets and traffic.
-        groundwork: meshes of roads and terrain.
-        ground: height queries on the ground.
+        town: streets and traffic of the whole town.
+        streets: streets that are built.
     """
 
     town: Town
-    groundwork: Groundwork
-    ground: Ground
+    streets: Streets
 
-    @classmethod
-    def of(cls, name: str) -> Land:
-        """Build the land of a town, given by name or path.
+    @cached_property
+    def corner_m(self) -> np.ndarray:
+        """Where the world is built: (3,) lower corner of a user's streets, so that it is the same at any offset [m]."""
+        if self.town.is_built_in:
+            return np.zeros(3)
+        low = np.min([lane.centre[:, :2].min(0) for lane in self.streets.lanes], axis=0)
+        return np.array([*low, 0.0])
 
-        Raises:
-            TownError: the town does not exist, or its files cannot be used.
-        """
-        town = read_town(name)
-        groundwork = lay_groundwork(town.streets)
-        return cls(town, groundwork, Ground(groundwork.ground))
+    @cached_property
+    def groundwork(self) -> Groundwork:
+        """Meshes of roads and terrain, relative to the corner."""
+        is_at_zero = not self.corner_m.any()
+        return lay_groundwork(
+            self.streets if is_at_zero else shift_streets(self.streets, -self.corner_m, _COORDINATE_DECIMALS)
+        )
+
+    @cached_property
+    def ground(self) -> Ground:
+        """Height queries on the ground."""
+        return Ground(self.place(self.groundwork.ground))
+
+    def build(self, seed: int, environment: Environment) -> BuiltWorld:
+        """Build a random world, relative to the corner."""
+        return _build_world(self.groundwork.streets, seed, environment, groundwork=self.groundwork)
+
+    def place(self, mesh: Mesh) -> Mesh:
+        """Move a mesh from the corner to its position in the town."""
+        if not self.corner_m.any():
+            return mesh
+        return Mesh(mesh.vertices.astype(np.float64) + self.corner_m, mesh.faces, mesh.materials)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +110,16 @@ class Site:
     @classmethod
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
         """Build the world for the run's seed, the town and the world's number."""
-        town, groundwork = land.town, land.groundwork
+        town = land.town
         if config.world is not None:
             return cls._of(land, world, config.world.read(town.streets), (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
-        seed = int(np.random.default_rng(seeds).integers(2**31))
-        static = _build_world(town.streets, seed, environment, groundwork=groundwork)
-        return cls._of(land, world, static.mesh, static.signals, models, threads)
+        static = land.build(int(np.random.default_rng(seeds).integers(2**31)), environment)
+        to_town = np.eye(4)
+        to_town[:3, 3] = land.corner_m
+        signals = tuple(replace(head, pose=to_town @ head.pose) for head in static.signals)
+        return cls._of(land, world, land.place(static.mesh), signals, models, threads)
 
     @classmethod
     def _of(

@@ -25,7 +25,8 @@ def draw_ego(traffic: Traffic, actors: Actors, rng: np.random.Generator) -> str:
     """
     driving = _ridable(traffic, actors)
     if not driving:
-        kind = TrafficError if anybody_comes(traffic) else ArrivedError
+        is_over = not anybody_comes(traffic) and _count(traffic, "vehicles.inserted") > 0
+        kind = ArrivedError if is_over else TrafficError
         raise kind(f"no road vehicle drives after {actors.time_s:.0f} s: {_reason(traffic, actors)}")
     kind = min((actors.kinds[row] for row in driving), key=_RIDDEN.index)
     driving = [row for row in driving if actors.kinds[row] == kind]
@@ -39,18 +40,26 @@ def _reason(traffic: Traffic, actors: Actors) -> str:
     taxis = traffic.api.vehicle.getTaxiFleet(-1)
     if taxis:
         return (
-            f"{len(taxis)} taxis wait for a dispatcher, which is a program outside this scenario; write "
+            f"taxis waiting for a dispatcher, which is a program outside this scenario: {len(taxis)}; write "
             f'{_DISPATCH} or <device.taxi.dispatch-algorithm value="greedy"/> into the .sumocfg for the one of SUMO'
         )
     waiting = sum(_waits_for_ride(traffic, person) for person in traffic.api.person.getIDList())
     if waiting and standing:
         return (
-            f"{waiting} persons wait for rides and {standing} vehicles for a dispatcher: transport on demand, "
-            f"whose dispatcher is a program outside this scenario; write {_DISPATCH} for the one of SUMO"
+            f"transport on demand without a dispatcher, which is a program outside this scenario (persons waiting for "
+            f"rides: {waiting}, vehicles waiting for commands: {standing}); write {_DISPATCH} for the one of SUMO"
         )
+    if not anybody_comes(traffic) and not _count(traffic, "vehicles.inserted"):
+        persons = _count(traffic, "persons.loaded")
+        return f"the scenario has no vehicle that departs (persons: {persons}); add vehicles with routes"
     if not anybody_comes(traffic):
         return "all vehicles have arrived and none departs later; shorten warm_up_s, or add traffic"
     return f"{standing} vehicles are stopped, others have not departed; increase warm_up_s, or add vehicles with routes"
+
+
+def _count(traffic: Traffic, name: str) -> int:
+    """Return a number of SUMO's statistics output since the start, as `vehicles.inserted`."""
+    return int(traffic.api.simulation.getParameter("", f"stats.{name}") or 0)
 
 
 def _waits_for_ride(traffic: Traffic, person: str) -> bool:

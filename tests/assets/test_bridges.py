@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from assets.streets import StreetLane, Streets
+from assets.world import build_world
 from assets.world.bridges import split_levels
 from assets.world.groundwork import lay_groundwork
 from sensors.bvh import Bvh
@@ -84,3 +85,31 @@ def test_railings_are_along_a_bridge_and_piers_next_to_the_road_below():
     assert len(railing) and (np.abs(np.abs(railing[:, 0]) - 1.5) < 0.21).all()
     piers = mesh.vertices[mesh.vertices[:, 2] < 3]
     assert len(piers) and (np.abs(piers[:, 1]) > 1.6).all()
+
+
+@pytest.mark.parametrize("spacing_m", [3.2, 3.7])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_no_railing_stands_on_a_lane(count, spacing_m):
+    lanes = [over(7.0, (k - (count - 1) / 2) * spacing_m, f"up{k}") for k in range(count)]
+    mesh = lay_groundwork(streets("wide", LOW, *lanes)).bridges
+    railing = mesh.triangles[mesh.triangles[..., 2].max(1) > 7.5]
+    half_m = (count - 1) / 2 * spacing_m + 1.6
+    assert len(railing) and (np.abs(railing[..., 0]) > half_m - 0.25).all()
+    assert railing[..., 1].min() < -35 and railing[..., 1].max() > 35
+
+
+@pytest.mark.parametrize("net", [OVERPASS, UNDERPASS, THREE], ids=lambda net: net.name)
+def test_nothing_on_the_land_reaches_through_a_deck(net):
+    """Above a deck there is only air: straight up from its lanes, and along them at the height of a bonnet."""
+    for seed in (1, 2):
+        world = Bvh(build_world(net, seed, None, lay_groundwork(net)).mesh)
+        for deck in split_levels(net)[1]:
+            for each in deck.streets.lanes:
+                middle = each.centre[3:-3:2] + np.array([0, 0, 0.6])
+                for across in (-1.0, 0.0, 1.0):
+                    points = (middle + np.array([across, 0, 0])).astype(np.float32)
+                    ahead = np.diff(points, axis=0, append=points[-1:] + np.float32([[0, 0, 3]]))
+                    length = np.linalg.norm(ahead, axis=1)
+                    up = np.tile(np.array([[0, 0, 1]], np.float32), (len(points), 1))
+                    assert (world.first_hit(points, up, np.full(len(points), 3.2, np.float32))[1] < 0).all()
+                    assert (world.first_hit(points, ahead / length[:, None], length)[1] < 0).all()

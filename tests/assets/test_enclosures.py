@@ -21,7 +21,7 @@ def closed(style, seed=2):
     outlines = outline(town)
     plots = lay_out(outlines.paved, rules, rng)
     houses = design(plots, rules, lambda xy: slope(*xy.T), rng)
-    blocked = Obstacles(town, outlines, outlines.paved, plots)
+    blocked = Obstacles(town, outlines, outlines.paved, plots, shapely.Polygon())
     gardens = garden_borders(houses, blocked, rules, rng)
     borders, _ = enclose(town, outlines, houses, gardens, blocked, rules, rng)
     return town, outlines, houses, borders, gardens

@@ -37,7 +37,7 @@ def _wide_pavements(style="urban"):
 def _furnished(environment, seed=0, style="urban"):
     streets = _wide_pavements(style)
     outlines = outline(streets)
-    blocked = Obstacles(streets, outlines, outlines.paved, [])
+    blocked = Obstacles(streets, outlines, outlines.paved, [], shapely.Polygon())
     flat = lambda xy: np.zeros(len(xy))  # noqa: E731
     rng = np.random.default_rng(seed)
     return furnish(kerbside(streets, outlines), blocked, flat, style_of(style), environment, rng), outlines

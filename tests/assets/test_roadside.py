@@ -57,7 +57,7 @@ def test_beds_bring_leaves_that_grow_next_to_paved_areas(style):
     for gap_m in (0.0, 12.0):
         rules = replace(style_of(style), bed_gap_m=gap_m, street_tree_gap_m=0.0, garden_trees=0, garden_shrubs=0)
         rules = replace(rules, wild_trees=0.0)
-        blocked = Obstacles(streets, outlines, outlines.paved, [])
+        blocked = Obstacles(streets, outlines, outlines.paved, [], shapely.Polygon())
         bounds = np.array([[-80.0, -80.0], [80.0, 80.0]])
         edge, rng = kerbside(streets, outlines), np.random.default_rng(1)
         mesh = trees_mesh(edge, [], bounds, blocked, _flat, rules, rng)

@@ -1,7 +1,8 @@
-"""What becomes of the scenarios of SUMO's own package: `python -m tests.bench.scenarios [NAME …]`.
+"""Record each scenario of SUMO's own package: `python -m tests.bench.scenarios [NAME …]`.
 
-Three frames of each, with a scanner of 16 lasers and without images, each in a process of its own. Prints a table:
-what was recorded, or the line that says why not.
+Three frames of each, with a scanner of 16 lasers and without images, each in a process of its own. A scenario that is
+refused for lack of a dispatcher is run again with SUMO's dispatcher. Prints a table: frames or refusal, wall time and
+messages of each run.
 """
 
 from __future__ import annotations
@@ -11,69 +12,83 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from cosim.drives.kitti import Drive
 from sumo_nets.tools import sumo_home
 
-_FRAMES, _LIMIT_S = 3, 900
-_ON_DEMAND = frozenset({"DRT", "DRT2"})  # the player of the game sends the buses; here SUMO does
+_FRAMES, _LIMIT_S = 3, 300
+_DISPATCHED = ("--taxi-dispatch", "greedy")
 _COSIM = (sys.executable, "-c", "import sys; from cosim.cli import main; sys.exit(main())")
 
 
 def found() -> list[Path]:
-    """Every configuration of the installed package."""
+    """Return every configuration of the installed package."""
     return sorted(sumo_home().rglob("*.sumocfg"))
 
 
-def row(config: Path, folder: Path) -> str:
-    """One line of the table.
+def rows(names: list[str]) -> Iterator[str]:
+    """Yield the lines of the table, of all scenarios or of the named ones."""
+    for config in found():
+        if names and config.stem not in names:
+            continue
+        line, refusal = row(config)
+        yield line
+        if _DISPATCHED[0] in refusal:
+            yield row(config, _DISPATCHED)[0]
+
+
+def row(config: Path, options: tuple[str, ...] = ()) -> tuple[str, str]:
+    """Record a scenario.
 
     Args:
-        config: the scenario.
-        folder: where its drive is written.
+        config: path of the `.sumocfg`.
+        options: further options of `cosim run`.
+
+    Returns:
+        A line of the table, and the messages of a refused run (empty if it was recorded).
     """
-    (folder / "small.yaml").write_text("pattern: vlp16\neffects: []\n")
-    out = folder / "drive"
-    dispatch = "taxi_dispatch: greedy\n" if config.stem in _ON_DEMAND else ""
-    (folder / "run.yaml").write_text(f"images: []\nsensor: small.yaml\n{dispatch}")
-    options = ("--town", str(config), "--frames", str(_FRAMES), "--seed", "1", "--out", str(out), "--quiet")
-    try:
-        run = subprocess.run(
-            [*_COSIM, "run", "run.yaml", *options], cwd=folder, capture_output=True, text=True, timeout=_LIMIT_S
-        )
-    except subprocess.TimeoutExpired:
-        return f"| `{config.name}` | no end after {_LIMIT_S} s | |"
-    message = [line for line in run.stderr.splitlines() if line.strip()]
-    notes = "; ".join(_short(line, config) for line in message)
-    if run.returncode:
-        return f"| `{config.name}` | refused ({run.returncode}) | {notes} |"
+    name = " ".join((f"`{config.relative_to(sumo_home())}`", *options))
+    with tempfile.TemporaryDirectory(prefix="cosim-") as temporary:
+        folder = Path(temporary)
+        (folder / "small.yaml").write_text("pattern: vlp16\neffects: []\n")
+        (folder / "run.yaml").write_text("images: []\nsensor: small.yaml\n")
+        out = folder / "drive"
+        what = ("--town", str(config), "--frames", str(_FRAMES), "--seed", "1", "--out", str(out), "--quiet")
+        command = [*_COSIM, "run", "run.yaml", *what, *options]
+        start = time.perf_counter()
+        try:
+            run = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            return f"| {name} | not finished | > {_LIMIT_S} s | |", ""
+        wall_s = time.perf_counter() - start
+        messages = "; ".join(_short(line, config) for line in run.stderr.splitlines() if line.strip())
+        if run.returncode:
+            return f"| {name} | refused ({run.returncode}) | {wall_s:.0f} s | {messages} |", messages
+        return f"| {name} | {_recorded(out)} | {wall_s:.0f} s | {messages} |", ""
+
+
+def _recorded(out: Path) -> str:
+    """Describe a drive: frames, points and other road users per frame."""
     frames = list(Drive(out))
     points = sum(len(frame.points) for frame in frames) // len(frames)
     others = sum(len(frame.twin.instances) for frame in frames if frame.twin) // len(frames)
-    return f"| `{config.name}` | {len(frames)} frames of {points} points, {others} others about | {notes} |"
+    return f"{len(frames)} frames of {points} points, {others} other road users"
 
 
 def _short(line: str, config: Path) -> str:
-    """A message without the paths of this machine."""
+    """Return a message without the paths of this machine."""
     line = re.sub(r"^(WARNING: |cosim run: )", "", line).replace(f"{config}: ", "")
     return line.replace(f"{config.parent}/", "").replace("|", "/")
-
-
-def rows(names: list[str]) -> Iterator[str]:
-    """All lines, or those of scenarios that are named."""
-    for config in found():
-        if not names or config.stem in names:
-            with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
-                yield row(config, Path(folder))
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="stems of scenarios; all by default")
-    print("| scenario | recorded | said |\n|---|---|---|", flush=True)
+    print("| scenario | result | wall time | messages |\n|---|---|---|---|", flush=True)
     for line in rows(parser.parse_args().names):
         print(line, flush=True)
 

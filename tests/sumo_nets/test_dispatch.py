@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cosim.capture.config import ConfigError, load_config
-from cosim.traffic.ego import draw_ego
+from cosim.traffic.ego import ArrivedError, draw_ego
 from cosim.traffic.simulation import Traffic
 from cosim.traffic.starting import TrafficError
 from sumo_nets.dispatch import with_dispatcher
@@ -69,8 +69,26 @@ def test_without_a_dispatcher_the_reason_and_the_option_are_named(tmp_path):
     with Traffic(found.write(tmp_path / "run"), 1, 0.5, as_given=True) as traffic:
         for _ in range(120):
             actors = traffic.step()
-        with pytest.raises(TrafficError, match=r"2 persons wait for rides and 1 vehicles for.*: greedy"):
+        with pytest.raises(TrafficError, match=r"for rides: 2, vehicles waiting for commands: 1\).*: greedy"):
             draw_ego(traffic, actors, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "kind", "reason"),
+    [
+        ('<person id="w" depart="0"><walk from="A0A1" to="A1B1"/></person>', TrafficError, "no vehicle that departs"),
+        ('<trip id="v" from="A0A1" to="A1B1" depart="0"/>', ArrivedError, "all vehicles have arrived"),
+    ],
+)
+def test_vehicles_that_have_arrived_are_distinguished_from_none(vehicles, kind, reason, tmp_path):
+    path = scenario(tmp_path, "").config
+    (tmp_path / "r.rou.xml").write_text(f"<routes>{vehicles}</routes>")
+    with Traffic(read_scenario(path).write(tmp_path / "run"), 1, 0.5, as_given=True) as traffic:
+        for _ in range(600):
+            actors = traffic.step()
+        with pytest.raises(TrafficError, match=reason) as refusal:
+            draw_ego(traffic, actors, np.random.default_rng(0))
+        assert type(refusal.value) is kind
 
 
 def test_a_scenario_without_vehicles_on_demand_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cosim.drives.kitti import Labels
 from training.evaluation.average_precision import (
     continuous_average,
     sample_thresholds,
@@ -114,6 +115,8 @@ def evaluate(
             evaluation.results[name] = results
             if not has_image_boxes(scored, name):
                 evaluation.notes[name] = without_image_rules(points is not None)
+            elif not {"3d", "bev"} & metrics:
+                evaluation.notes[name] = "labels or detections have no 3D boxes: only boxes in the image are scored"
     return evaluation
 
 
@@ -149,23 +152,27 @@ def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.nd
 
 
 def _available_metrics(scored: Scored, name: str) -> set[Metric]:
-    """The metrics that the devkit evaluates: those that at least one detection of the class has boxes for."""
+    """The metrics that the devkit evaluates: those that a detection of the class has boxes for.
+
+    Metrics that no label of the class has boxes for are not scored either, as their score would be zero.
+    """
     detections = scored.detections.objects
     of_class = scored.detections.kind == name.lower()
-    height, width, length = detections.dimensions.T
-    ground = (
-        of_class
-        & (detections.location[:, 0] != -1000)
-        & (detections.location[:, 2] != -1000)
-        & (width > 0)
-        & (length > 0)
-    )
+    labelled = scored.labels.kind == name.lower()
     rows_by_metric: dict[Metric, np.ndarray] = {
         "2d": of_class & (detections.bbox[:, 0] >= 0) & has_image_boxes(scored, name),
-        "bev": ground,
-        "3d": ground & (detections.location[:, 1] != -1000) & (height > 0),
     }
+    for metric, boxes in _solid_boxes(detections).items():
+        are_labelled = not labelled.any() or bool(_solid_boxes(scored.labels.objects)[metric][labelled].any())
+        rows_by_metric[metric] = of_class & boxes & are_labelled
     return {metric for metric, rows in rows_by_metric.items() if rows.any()}
+
+
+def _solid_boxes(objects: Labels) -> dict[Metric, np.ndarray]:
+    """Which objects (n,) have a box in bird's-eye view, and in 3D."""
+    height, width, length = objects.dimensions.T
+    ground = (objects.location[:, 0] != -1000) & (objects.location[:, 2] != -1000) & (width > 0) & (length > 0)
+    return {"bev": ground, "3d": ground & (objects.location[:, 1] != -1000) & (height > 0)}
 
 
 def _score(task: Task) -> Result:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cosim.errors import CosimError
 from cosim.point_files import SUFFIXES, Columns, PointOptions, PointReader, point_reader, suffix_of
+from cosim.point_files.scan import UnequalRowsError
 from cosim.recordings.reading.source import Source
 from cosim.recordings.scan import recording_errors
 
@@ -35,6 +36,8 @@ def _reader(files: Sequence[Path], options: PointOptions | None) -> PointReader:
     """
     try:
         return point_reader(files, options)
+    except UnequalRowsError:
+        raise
     except CosimError as error:
         for first in range(1, min(_SAMPLINGS, len(files) // 2)):
             try:

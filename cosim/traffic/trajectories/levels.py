@@ -20,6 +20,8 @@ _STEP_M = 4.0
 _BESIDE_M = 4.0  # lanes that may carry a road user
 _NEIGHBOURS = 12
 _APART_M = 2.0  # heights of different levels
+_FEWEST, _MOST = 10, 0.9  # samples on lanes for a verdict on the heights of a file, share that it must fit
+_DATUM_M, _SAME_M = 1.5, 1.0  # offset of another vertical datum; heights of one lane
 _TURNED_M = 6.0  # cost of a lane across or against the way, as a distance
 _CLIMBED = 2.0  # cost of each metre up or down since the step before
 
@@ -59,16 +61,24 @@ class LanePoints:
         return cls(points, way, limits, rows, KDTree(points[:, :2]))
 
 
-def heights_of(tracks: RoadTracks, lanes: LanePoints) -> np.ndarray:
-    """Height of each sample (n,) [m]: that of the file, or of the lane that carries the road user."""
-    z = tracks.front[:, 2].copy()
+def heights_of(tracks: RoadTracks, lanes: LanePoints) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Height of each sample (n,) [m]: that of the file, or of the lane that carries the road user.
+
+    Heights of the file are compared with the lanes: those of another vertical datum are shifted, those that were not
+    measured are not used. Notes say so.
+    """
+    z, notes = _checked_heights(tracks, lanes)
     unknown = ~np.isfinite(z)
     if not unknown.any():
-        return z
+        return z, notes
     named = np.array([bool(name) and name in lanes.rows for name in tracks.lanes], bool) & unknown
     for name in {tracks.lanes[row] for row in np.flatnonzero(named).tolist()}:
         rows = np.flatnonzero(named & (np.array(tracks.lanes) == name))
-        z[rows] = _height_along(lanes.points[slice(*lanes.rows[name])], tracks.front[rows, :2])
+        points = lanes.points[slice(*lanes.rows[name])]
+        passes_itself = _passes_itself(points, tracks.front[rows, :2])
+        named[rows[passes_itself]] = False
+        rows = rows[~passes_itself]
+        z[rows] = _height_along(points, tracks.front[rows, :2])
     places = tracks.front[:, :2]
     near, far = lanes.tree.query(places, k=1)[1], np.zeros(len(places), bool)
     low, high = _range_of_heights(lanes, places)
@@ -79,14 +89,60 @@ def heights_of(tracks: RoadTracks, lanes: LanePoints) -> np.ndarray:
         rows = np.arange(*tracks.samples(user).indices(len(z)))
         if (unknown & ~named & far)[rows].any():
             z[rows] = _follow(tracks, rows, z[rows], lanes)
-    return z
+    return z, notes
+
+
+def _checked_heights(tracks: RoadTracks, lanes: LanePoints) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Heights (n,) of the file in the vertical datum of the lanes, NaN where they were not measured; and notes."""
+    z = tracks.front[:, 2].copy()
+    known = np.flatnonzero(np.isfinite(z))
+    if not len(known):
+        return z, ()
+    positions = tracks.front[known, :2]
+    heights = _lane_heights(lanes, positions)
+    beside = np.isfinite(heights).any(1)
+    if beside.sum() < _FEWEST:
+        return z, ()
+    known, heights = known[beside], heights[beside]
+    lowest, highest = np.nanmin(heights, axis=1), np.nanmax(heights, axis=1)
+    if np.ptp(z[known]) == 0 and np.ptp(highest) > _APART_M and np.ptp(lowest) + np.ptp(highest) > 2 * _APART_M:
+        value = z[known[0]]
+        z[:] = np.nan
+        return z, (f"heights are {value:g} m everywhere, although lanes rise and fall: not used",)
+    above = z[known, None] - heights
+    nearest = np.take_along_axis(above, np.nanargmin(np.abs(above), axis=1)[:, None], axis=1)[:, 0]
+    offset = _common_offset(above) if abs(float(np.median(nearest))) > _DATUM_M else 0.0
+    if not offset:
+        return z, ()
+    z -= offset
+    return z, (f"heights have another zero than those of the lanes: {offset:.2f} m are subtracted",)
+
+
+def _common_offset(above: np.ndarray) -> float:
+    """The offset [m] that puts most samples on a lane, from their heights above lanes (n, k); 0 if there is none."""
+    single = np.nanmax(above, axis=1) - np.nanmin(above, axis=1) < _SAME_M
+    if single.sum() < _FEWEST:
+        return 0.0
+    offset = float(np.median(np.nanmean(above[single], axis=1)))
+    return offset if (np.nanmin(np.abs(above - offset), axis=1) < _SAME_M).mean() > _MOST else 0.0
+
+
+def _passes_itself(points: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Where (n,) a line passes above itself, so that a place does not show its height."""
+    near = KDTree(points[:, :2]).query_ball_point(positions, _BESIDE_M)
+    return np.array([len(rows) > 1 and np.ptp(points[rows, 2]) > _APART_M for rows in near], bool)
+
+
+def _lane_heights(lanes: LanePoints, positions: np.ndarray) -> np.ndarray:
+    """Heights (n, k) of the points of lanes near each place; NaN where there are fewer."""
+    count = min(_NEIGHBOURS, len(lanes.points))
+    near = lanes.tree.query(positions, k=count, distance_upper_bound=_BESIDE_M)[1].reshape(len(positions), count)
+    return np.append(lanes.points[:, 2], np.nan)[near]
 
 
 def _range_of_heights(lanes: LanePoints, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest lane (n,) near each place."""
-    count = min(_NEIGHBOURS, len(lanes.points))
-    near = lanes.tree.query(positions, k=count, distance_upper_bound=_BESIDE_M)[1].reshape(len(positions), count)
-    heights = np.append(lanes.points[:, 2], np.nan)[near]
+    heights = _lane_heights(lanes, positions)
     none = np.isnan(heights).all(1)
     heights[none] = 0.0
     return np.nanmin(heights, axis=1), np.nanmax(heights, axis=1)

@@ -44,8 +44,8 @@ def check_streets(path: Path, tracks: RoadTracks, streets: Streets) -> RoadTrack
         _check_directions(path, tracks, streets, tree, ways)
         _check_speeds(path, tracks, lanes.limits[nearest], away)
     front = tracks.front.copy()
-    front[:, 2] = heights_of(tracks, lanes)
-    return replace(tracks, front=front)
+    front[:, 2], notes = heights_of(tracks, lanes)
+    return replace(tracks, front=front, notes=(*tracks.notes, *(f"{path}: {note}" for note in notes)))
 
 
 def _in_local_axes(tracks: RoadTracks, streets: Streets, tree: KDTree) -> RoadTracks:

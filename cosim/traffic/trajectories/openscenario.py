@@ -6,7 +6,10 @@ the middle of the rear axle; headings count counter-clockwise from x. The file i
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -28,6 +31,14 @@ _STARTS_S = 0.05  # a trajectory that starts so soon starts immediately
 _REMEDY = (
     "only trajectories as polylines of world positions with times are replayed: play it elsewhere, and give a table"
 )
+_ENTITIES = ("Vehicle", "Pedestrian", "MiscObject")
+# attributes that are optional in the standard, with the default 0
+_OPTIONAL = {
+    "LanePosition": ("offset",),
+    "RelativeLanePosition": ("offset",),
+    "RelativeObjectPosition": ("dz",),
+    "RelativeWorldPosition": ("dz",),
+}
 _WORDS = {"motorbike": "motorcycle", "wheelchair": "pedestrian"}
 
 
@@ -46,6 +57,10 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
         TrajectoryError: an entity's motion is not an explicit trajectory, a value is missing, or see `gather`; or the
             library that reads such files is missing.
     """
+    if root.find("ParameterValueDistribution") is not None:
+        raise TrajectoryError(
+            f"{path}: contains distributions of parameter values, not a scenario; give the scenario that they vary"
+        )
     xosc = _library()
     resolve_parameters(str(path), root)
     scenario = _parse(path, "the scenario", xosc.Scenario.parse, root, xosc)
@@ -77,16 +92,19 @@ def _parse(path: Path, what: str, parse: Callable[[ET.Element], Any], element: E
     Raises:
         TrajectoryError: the library cannot parse it.
     """
-    for position in element.iter("LanePosition"):  # the standard has no need of an offset
-        position.set("offset", position.get("offset") or "0")
+    for tag, attributes in _OPTIONAL.items():
+        for position in element.iter(tag):
+            for name in attributes:
+                position.set(name, position.get(name) or "0")
     try:
-        return parse(element)
+        with contextlib.redirect_stdout(io.StringIO()):  # the library prints elements
+            return parse(element)
     except (ValueError, TypeError, LookupError, AttributeError, NotImplementedError, *_complaints(xosc)) as error:
-        reason = " ".join(str(error).split())
+        reason = re.sub(r"<Element '(\w+)' at 0x\w+>", r"\1", " ".join(str(error).split()))
         raise TrajectoryError(
-            f"{path}: scenariogeneration cannot parse {what} ({type(error).__name__}: {reason[:200]}); correct that "
-            f"element, "
-            "or give a table of trajectories"
+            f"{path}: scenariogeneration cannot parse {what} ({type(error).__name__}: {reason[:200]}): an element is "
+            "wrong, or of a version of the standard that this library does not know; correct or remove it, or give a "
+            "table of trajectories"
         ) from error
 
 
@@ -146,7 +164,7 @@ def _catalogued(path: Path, scenario: Any, xosc: Any, reference: Any, assigned: 
             if catalog is None or catalog.get("name") != reference.catalogname:
                 continue
             for entry in catalog:
-                if entry.get("name") == reference.entryname and entry.tag in ("Vehicle", "Pedestrian"):
+                if entry.get("name") == reference.entryname and entry.tag in _ENTITIES:
                     what = f"{entry.tag} {reference.entryname!r}"
                     resolve_entry(f"{file}: {what}", entry, assigned)
                     return _parse(file, what, getattr(xosc, entry.tag).parse, entry, xosc)
@@ -168,7 +186,10 @@ def _defined_speed(path: Path, story: Any, xosc: Any, ways: dict[str, _Way]) -> 
     for act in story.acts:
         for group in act.maneuvergroup:
             names = [one.entity for one in group.actors.actors if one.entity in ways]
-            for event in (event for maneuver in group.maneuvers for event in maneuver.events):
+            if names and any(isinstance(maneuver, xosc.CatalogReference) for maneuver in group.maneuvers):
+                raise TrajectoryError(f"{path}: {names[0]!r} has a manoeuvre of a catalogue, {_REMEDY}")
+            maneuvers = group.maneuvers if names else []
+            for event in (event for maneuver in maneuvers for event in maneuver.events):
                 for name in names:
                     begins = [_begin_s(path, trigger, xosc) for trigger in (act.starttrigger, event.trigger)]
                     start_s = None if None in begins else max(one for one in begins if one is not None)

@@ -20,7 +20,7 @@ from cosim.traffic.trajectories.riders import is_rider
 from cosim.traffic.trajectories.table_heading import turned
 from cosim.traffic.trajectories.table_names import is_sumo_table, named_columns, needs_numbers
 from cosim.traffic.trajectories.table_options import TableOptions, read_table_options
-from cosim.traffic.trajectories.table_rows import position_outliers, repeated_rows, time_outliers
+from cosim.traffic.trajectories.table_rows import contradicted_times, position_outliers, repeated_rows, time_outliers
 from cosim.traffic.trajectories.table_schema import TableSchema, infer_table_schema
 from cosim.traffic.trajectories.table_steps import TableColumns
 from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, TrajectoryError, User, gather
@@ -48,15 +48,33 @@ def read_table(path: Path, type_files: Iterable[Path], left_out: Counter[str]) -
     samples = _samples(header, rows, schema, table)
     sumo = is_sumo_table(header)
     on_foot = [sample.user in users and users[sample.user].kind == "pedestrian" for sample in samples]
+    _demand_a_clock(path, schema, table)
     riding = is_rider(samples, on_foot) if sumo else np.zeros(len(samples), bool)
     left, left_notes = _rows_left_out(schema, table)
     kept = [sample for sample, gone in zip(samples, (riding | left).tolist(), strict=True) if not gone]
     tracks = gather(path, kept, users, centred=schema.position == "middle")
     notes = tuple(f"{path}: {note}" for note in (*schema.notes, *left_notes))
+    if tracks.undirected:
+        notes += (
+            f"{path}: {len(tracks.undirected)} road users neither move nor have a heading ({tracks.undirected[0]!r}); "
+            "they face east",
+        )
     if riding.any():
         riders = {sample.user for sample, rides in zip(samples, riding.tolist(), strict=True) if rides}
         notes += (f"{path}: {int(riding.sum())} samples of {len(riders)} persons riding in vehicles are left out",)
     return replace(tracks, sumo_clock=sumo, notes=notes, inferred=schema.as_dict())
+
+
+def _demand_a_clock(path: Path, schema: TableSchema, table: TableColumns) -> None:
+    """Raise TrajectoryError if all rows have the same time although a road user has several."""
+    name = schema.columns["time"]
+    time = table.values[name]
+    time = time[np.isfinite(time)]
+    if len(time) > 1 and not np.ptp(time) and np.bincount(table.user).max() > 1:
+        raise TrajectoryError(
+            f"{path}: {name} is {time[0]:g} in all rows, so it is not the time; state the column of times in "
+            f"{path}.yaml, as `columns: {{time: NAME}}`"
+        )
 
 
 def _users(
@@ -121,17 +139,21 @@ def _rows_left_out(schema: TableSchema, table: TableColumns) -> tuple[np.ndarray
     twice = repeated_rows(table.user, time, x, y)
     stray = time_outliers(table.user, time) & ~twice
     unit_s, metres = schema.time_unit_s, schema.metres
-    away = position_outliers(table.user, np.where(twice | stray, np.nan, time * unit_s), x * metres, y * metres)
+    places = x * metres, y * metres
+    wrong = contradicted_times(table.user, np.where(twice | stray, np.nan, time * unit_s), *places)
+    away = position_outliers(table.user, np.where(twice | stray | wrong, np.nan, time * unit_s), *places)
     left_notes = []
     if twice.any():
         left_notes.append(f"{int(twice.sum())} rows are there twice: one of each is used")
     if stray.any():
         left_notes.append(f"{int(stray.sum())} rows have times far from all others of their road user: left out")
+    if wrong.any():
+        left_notes.append(f"{int(wrong.sum())} rows have times that contradict their places: left out")
     if away.any():
         left_notes.append(
             f"{int(away.sum())} places are reached and left far faster than the road user moves: left out"
         )
-    return twice | stray | away, tuple(left_notes)
+    return twice | stray | wrong | away, tuple(left_notes)
 
 
 def _usual(sizes: np.ndarray) -> float | None:
@@ -197,10 +219,18 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
         first = text.lstrip().partition("\n")[0]
         separator = max(",;\t", key=first.count)
         lines = [row for row in csv.reader(text.splitlines(), delimiter=separator) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise TrajectoryError(
+            f"{path} is not UTF-8 text (byte 0x{error.object[error.start]:02x} at position {error.start}); "
+            "save it as CSV in UTF-8"
+        ) from error
+    except (OSError, csv.Error) as error:
         raise TrajectoryError(f"{path} is no table: {' '.join(str(error).split())}; give CSV with a header") from error
     if not lines:
         raise TrajectoryError(f"{path} is empty; give CSV with a header")
+    if "\0" in text or text.lstrip().startswith(("{", "[")):
+        form = "binary data" if "\0" in text else "JSON"
+        raise TrajectoryError(f"{path} is {form}, not a table; give CSV with a header")
     header = [name.strip() for name in lines[0]]
     double = [name for name, count in Counter(header).items() if count > 1 and name]
     if double:

@@ -16,7 +16,9 @@ _COURSE_M = 0.5  # a way that shows a direction
 _FEWEST = 5  # comparisons that a verdict needs
 _ALONG = 0.85  # mean cosine between heading and way of a reading that is right
 _BETTER = 0.05  # of that, between two readings
-_FULL_TURN = {"radians": 2 * np.pi, "degrees": 360.0}
+_UNITS_RAD = {"degrees": np.pi / 180, "radians": 1.0, "gradians": np.pi / 200}
+_FULL_TURN = {"radians": 2 * np.pi, "degrees": 360.0, "gradians": 400.0}
+_RARE = 0.02  # by which gradians, which are rare, must fit better than degrees
 
 
 def infer_heading(
@@ -32,7 +34,7 @@ def infer_heading(
         return 1.0, "east", False
     if options.heading is not None:
         unit, _, zero = options.heading.partition(" from ")
-        return (np.pi / 180 if unit == "degrees" else 1.0), zero, True
+        return _UNITS_RAD[unit], zero, True
     name = columns["heading"]
     values = table.values[name]
     finite = np.abs(values[np.isfinite(values)])
@@ -50,12 +52,8 @@ def infer_heading(
             f"{name} is in {_angle(unit)} by its name and size; no road user moves, so the motion cannot confirm it"
         )
         return unit, "east", True
-    fitting = {
-        reading: score
-        for reading, score in scores.items()
-        if widest <= _FULL_TURN["degrees" if reading[0] < 1 else "radians"] * 1.02
-    }
-    best = max(fitting, key=lambda reading: fitting[reading]) if fitting else (1.0, "east")
+    fitting = {reading: score for reading, score in scores.items() if widest <= _FULL_TURN[_angle(reading[0])] * 1.02}
+    best = max(fitting, key=lambda reading: _preference(reading, fitting)) if fitting else (1.0, "east")
     report = ", ".join(f"{_angle(unit)} from {zero} {score:.2f}" for (unit, zero), score in scores.items())
     if not fitting or fitting[best] < _ALONG:
         raise TrajectoryError(
@@ -100,7 +98,7 @@ def _heading_scores(user: np.ndarray, values: np.ndarray, steps: TableSteps) -> 
     count = np.bincount(who)
     given = (values[steps.row], values[steps.after])
     scores = {}
-    for unit in (np.pi / 180, 1.0):
+    for unit in _UNITS_RAD.values():
         for zero in ("east", "north"):
             found = [turned(value[moved] * unit, zero) for value in given]
             middle = np.arctan2(sum(np.sin(a) for a in found), sum(np.cos(a) for a in found))
@@ -113,5 +111,10 @@ def turned(angle_rad: np.ndarray, zero: str) -> np.ndarray:
     return np.pi / 2 - angle_rad if zero == "north" else angle_rad
 
 
-def _angle(unit: float) -> str:
-    return "radians" if unit == 1.0 else "degrees"
+def _preference(reading: tuple[float, str], scores: Mapping[tuple[float, str], float]) -> float:
+    return scores[reading] - (_RARE if _angle(reading[0]) == "gradians" else 0.0)
+
+
+def _angle(unit_rad: float) -> str:
+    """Name of a unit of angles."""
+    return next(name for name, value in _UNITS_RAD.items() if value == unit_rad)

@@ -11,7 +11,15 @@ from cosim.drives.files import read_mapping
 from cosim.traffic.trajectories.tracks import TrajectoryError
 from sensors.pattern import first_problem
 
-Heading = Literal["degrees from east", "radians from east", "degrees from north", "radians from north", "unused"]
+Heading = Literal[
+    "degrees from east",
+    "radians from east",
+    "gradians from east",
+    "degrees from north",
+    "radians from north",
+    "gradians from north",
+    "unused",
+]
 AXES = ("x,y", "x,-y", "-x,y", "-x,-y", "y,x", "-y,x", "y,-x", "-y,-x")
 
 

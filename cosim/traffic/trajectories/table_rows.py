@@ -7,6 +7,7 @@ import numpy as np
 _FEWEST = 6  # rows of a road user needed to detect a time outlier
 _MOST = 2  # time outliers at each end
 _SPIKE, _SPIKE_M = 3.0, 2.0  # distance to and from an outlier, relative to the distance past it
+_LONGER = 2.5  # step to a row whose time is compared with its place, relative to the usual step
 _FASTER, _FASTER_MPS = 4.0, 5.0  # speeds there, against the usual speed of the road user
 
 
@@ -49,6 +50,35 @@ def time_outliers(user: np.ndarray, time: np.ndarray) -> np.ndarray:
                 found[first] = True
             if stamps[-count] - stamps[-count - 1] > stamps[-count - 1] - stamps[_MOST]:
                 found[last] = True
+    return found
+
+
+def contradicted_times(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """(n,) bool: first and last rows of road users whose time contradicts their place.
+
+    The step to the neighbour is far longer than usual, and the place is not where the road user would be at this time
+    at the velocity of the neighbours.
+
+    Args:
+        user: (n,) number of the road user of each row.
+        time_s: (n,) times; rows with a non-finite time or position do not count.
+        x_m: (n,) places.
+        y_m: (n,) places.
+    """
+    found = np.zeros(len(user), bool)
+    order = np.lexsort((time_s, user))
+    order = order[np.isfinite(time_s[order]) & np.isfinite(x_m[order]) & np.isfinite(y_m[order])]
+    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
+        if len(rows) < _FEWEST:
+            continue
+        usual = float(np.median(np.diff(time_s[rows])))
+        for end, near, next_to_near in (rows[:3], rows[:-4:-1]):
+            gap, step = abs(time_s[end] - time_s[near]), abs(time_s[near] - time_s[next_to_near])
+            if gap <= _LONGER * usual or not 0 < step <= _LONGER * usual:
+                continue
+            place, before, after = ((x_m[row], y_m[row]) for row in (end, near, next_to_near))
+            expected = np.add(before, np.subtract(before, after) * gap / step)
+            found[end] = float(np.hypot(*(expected - place))) > _SPIKE_M + _FASTER_MPS * gap
     return found
 
 

@@ -44,6 +44,7 @@ class RoadTracks:
         sumo_clock: whether times are those of a SUMO simulation, whose signals ran by the same clock.
         notes: what of the file was inferred or left out, a line each.
         inferred: the meaning of a table's columns, for `drive.yaml`; empty for other files.
+        undirected: road users of unknown heading, which neither move nor have one.
     """
 
     ids: tuple[str, ...]
@@ -60,6 +61,7 @@ class RoadTracks:
     sumo_clock: bool = False
     notes: tuple[str, ...] = ()
     inferred: Mapping[str, Any] = field(default_factory=dict)
+    undirected: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -144,10 +146,14 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
     heading = np.array([one.heading_rad for one in kept], float)
     _check_numbers(path, kept, time_s, position)
     size = np.array([users[name].size_m for name in ids], float)
+    undirected: list[str] = []
     for number, name in enumerate(ids):
         rows = slice(first[number], first[number + 1])
         _check_order(path, name, time_s[rows])
-        heading[rows] = _headings(position[rows, :2], heading[rows])
+        known = _headings(position[rows, :2], heading[rows])
+        if known is None:
+            undirected.append(name)
+        heading[rows] = 0.0 if known is None else known
         if centred and users[name].kind != "pedestrian":
             ahead = unit_vectors(heading[rows])
             position[rows, :2] += ahead * (size[number, 0] / 2 + users[name].middle_ahead_m)
@@ -165,6 +171,7 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
         speed_mps=speed,
         signals=np.array([one.signals for one in kept], np.int64),
         lanes=tuple(one.lane for one in kept),
+        undirected=tuple(undirected),
     )
 
 
@@ -196,15 +203,15 @@ def _check_way(path: Path, name: str, time_s: np.ndarray, position: np.ndarray) 
         )
 
 
-def _headings(position: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """Headings without jumps; where they are unknown, the direction of the way."""
+def _headings(position: np.ndarray, given: np.ndarray) -> np.ndarray | None:
+    """Headings without jumps; where they are unknown, the direction of the way; None without any."""
     if np.isfinite(given).all():
         return np.unwrap(given)
     found = given.copy()
     for row in np.flatnonzero(~np.isfinite(given)):
         found[row] = _course(position, int(row))
     if not np.isfinite(found).any():
-        return np.zeros(len(found))
+        return None
     known = np.flatnonzero(np.isfinite(found))
     unrolled = np.unwrap(found[known])
     return np.interp(np.arange(len(found)), known, unrolled)

@@ -23,6 +23,7 @@ _OPERATORS: dict[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
     ast.Mod: math.fmod,
 }
+_CONSTANTS = {"pi": math.pi, "e": math.e}
 _FUNCTIONS: dict[str, Callable[..., float]] = {
     "round": round,
     "ceil": math.ceil,
@@ -81,7 +82,8 @@ def _substitute(source: str, text: str, values: Mapping[str, str]) -> str:
             return f"{_evaluate(source, match[1], values):.12g}"
         if match[2] not in values:
             raise TrajectoryError(
-                f"{source}: ${match[2]} is declared in no element around its use; give it under <ParameterDeclarations>"
+                f"{source}: ${match[2]} is not declared before its use in an element around it; declare it in "
+                f"<ParameterDeclarations>, above the parameters that refer to it"
             )
         return values[match[2]]
 
@@ -89,7 +91,7 @@ def _substitute(source: str, text: str, values: Mapping[str, str]) -> str:
 
 
 def _evaluate(source: str, text: str, values: Mapping[str, str]) -> float:
-    """Value of an arithmetic expression; only numbers, parameters, + - * / % and five functions are allowed."""
+    """Value of an arithmetic expression; only numbers, parameters, pi, e, + - * / % and five functions are allowed."""
     filled = _substitute(source, text, values)
     try:
         if len(filled) > _LONGEST:
@@ -104,6 +106,8 @@ def _evaluate(source: str, text: str, values: Mapping[str, str]) -> float:
 def _value(node: ast.expr) -> float:
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return float(node.value)
+    if isinstance(node, ast.Name) and node.id in _CONSTANTS:
+        return _CONSTANTS[node.id]
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         return -_value(node.operand) if isinstance(node.op, ast.USub) else _value(node.operand)
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:

@@ -3,7 +3,7 @@
 import pytest
 
 from cosim.capture.config import RunConfig
-from cosim.capture.time_estimate import estimate_s, machine_slowness, time_in_words
+from cosim.capture.time_estimate import TownSize, estimate_s, machine_slowness, time_in_words
 from sensors.sensor_model import load_sensor
 
 
@@ -19,6 +19,18 @@ def test_more_work_takes_longer():
     assert estimated(sensor="vlp16") < usual
     assert estimated(frames_per_episode=500) < usual < estimated(town="all")
     assert estimated(slowness=3.0) == pytest.approx(3 * usual)
+
+
+def test_a_large_network_takes_longer_but_its_world_grows_with_the_route_only():
+    config = RunConfig(town="own.sumocfg", frames=25)
+    sensors = [load_sensor(config.sensor)]
+    town, city, region = (
+        TownSize(round(km * 20), km * 1000.0, (side, side)) for km, side in ((40, 1e3), (2500, 8e3), (10_000, 16e3))
+    )
+    takes = [estimate_s(config, sensors, 1, sizes={"own.sumocfg": size}) for size in (town, city, region)]
+    assert estimate_s(config, sensors, 1) < takes[0] < takes[1] < takes[2]
+    assert city.built_m(200.0) == pytest.approx(region.built_m(200.0)) and town.built_m(200.0) == town.length_m
+    assert city.built_m(200.0) < city.built_m(2000.0) < 0.2 * city.length_m
 
 
 def test_workers_help_as_far_as_there_are_processors_and_episodes(monkeypatch):

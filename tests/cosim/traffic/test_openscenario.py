@@ -140,7 +140,7 @@ ON_LANE = '<Position><LanePosition roadId="1" laneId="-1" s="3" offset="0"/></Po
         ('scale="1" offset="0"', "", "scenariogeneration cannot parse"),
         (' time="6.0"', ' time="-6.0"', "do not grow"),
         ('rule="greaterThan"', 'rule="lessThan"', "starts when a traffic condition is met"),
-        ('value="0"', 'value="$unheard"', r"\$unheard is declared in no element"),
+        ('value="0"', 'value="$unheard"', r"\$unheard is not declared before its use"),
         ('offset="0"', 'offset="${1 + import}"', "no arithmetic expression"),
         ("<Storyboard>", "<Story>", "not well-formed"),
         ("<Entities>", "<Entities><ScenarioObject/>", "scenariogeneration cannot parse"),
