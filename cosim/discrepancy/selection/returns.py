@@ -81,6 +81,35 @@ def count_returns(linearisation: Linearisation, group: Group, fold: np.ndarray, 
     return ReturnCounts(np.tile(probability, 2), np.repeat([1.0, -1.0], _CLASSES), counts[0], counts[1], least)
 
 
+def effect_gains(
+    linearisation: Linearisation, derivative: np.ndarray, folds: list[np.ndarray], count: int
+) -> list[np.ndarray]:
+    """Gains (count,) by fold of an effect that changes nothing but the probability of a return, for each clustering.
+
+    Args:
+        linearisation: about a fit.
+        derivative: (n,) of the probability with respect to the effect's amplitude.
+        folds: for each clustering, (n,) int fold of each beam.
+        count: number of folds.
+    """
+    p, returned, trials = _trials(linearisation)
+    used = np.flatnonzero((trials > 0) & (derivative != 0))
+    p, returned, lost = p[used], returned[used], (trials - returned)[used]
+    least = linearisation.sample.settings.likelihood.lost_share
+    relative = derivative[used] / p
+    relative = relative / np.max(np.abs(relative), initial=1e-300)
+    loglik = np.zeros((1 + len(_RISES) + len(_FALLS), len(used)))
+    for row, change in enumerate((*_RISES, *_FALLS), start=1):
+        new = np.clip(p * (1 + change * relative), least, 1 - least)
+        loglik[row] = returned * np.log(new / p) + lost * np.log((1 - new) / (1 - p))
+    gains = []
+    for fold in folds:
+        sums = np.stack([np.bincount(fold[used], values, count) for values in loglik])  # (changes, folds)
+        best = (sums.sum(1, keepdims=True) - sums).argmax(0)
+        gains.append(sums[best, np.arange(count)])
+    return gains
+
+
 def expected_losses(linearisation: Linearisation, group: Group) -> np.ndarray:
     """Expected number (k,) of losses among the beams of each column of a dependence."""
     assert group.basis is not None

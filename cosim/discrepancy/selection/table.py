@@ -14,7 +14,7 @@ from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import Cell, Distribution, cross_fitted_gain, fold_sums, random_effect_gain
-from cosim.discrepancy.selection.returns import count_returns, expected_losses
+from cosim.discrepancy.selection.returns import count_returns, effect_gains, expected_losses
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
@@ -220,6 +220,9 @@ def _project(
             losses = expected_losses(linearisation, group)
             variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
             gains = tuple(count_returns(linearisation, group, fold, settings.folds).gain() for fold in folds)
+        elif group.is_effect and group.size == 1 and set(group.columns) == {"drop"}:
+            distribution, derivative = "probability", group.columns["drop"].toarray().ravel()
+            gains = tuple(effect_gains(linearisation, derivative, folds, settings.folds))
         if group.is_count:
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
