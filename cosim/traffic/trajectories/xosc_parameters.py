@@ -10,6 +10,7 @@ import ast
 import math
 import operator
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 
@@ -96,7 +97,9 @@ def _evaluate(source: str, text: str, values: Mapping[str, str]) -> float:
     try:
         if len(filled) > _LONGEST:
             raise ValueError("it is too long")
-        return float(_value(ast.parse(filled.strip(), mode="eval").body))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)  # the text is a user's
+            return float(_value(ast.parse(filled.strip(), mode="eval").body))
     except (SyntaxError, ValueError, TypeError, ZeroDivisionError, OverflowError, RecursionError, MemoryError) as error:
         raise TrajectoryError(
             f"{source}: ${{{text}}} is no arithmetic expression that can be evaluated ({error}); write its value"
