@@ -110,10 +110,13 @@ def _is_observable(kind: type[Effect]) -> bool:
 
 
 def _scale(kind: type[Effect], name: str) -> float:
-    """Natural scale of a parameter: the difference of example and neutral value."""
-    example = np.mean(np.abs(kind.example[name]))
-    apart = np.mean(np.abs(np.subtract(kind.example[name], (kind.neutral or kind.example)[name])))
-    return float(apart or example or 1.0)
+    """Natural scale of a parameter: the difference of example and neutral value, or the example if that is smaller.
+
+    Effects that act below a limit are neutral at a limit far above the example.
+    """
+    example = float(np.mean(np.abs(kind.example[name])))
+    apart = float(np.mean(np.abs(np.subtract(kind.example[name], (kind.neutral or kind.example)[name]))))
+    return min((value for value in (apart, example) if value), default=1.0)
 
 
 def _weak_value(neutral: Any, example: Any, share: float, scale: float) -> Any:

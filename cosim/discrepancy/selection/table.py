@@ -244,12 +244,14 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     )
     scatter = np.array([max(float((table**2).sum()) for table in tables)])
     whole = float(information.sum())
-    if whole <= 0:  # a whole setting: score is its gain
+    if whole <= 0:  # a whole setting without fitted coefficients: the score of a beam is its gain
         whole = max(float(scatter[0]), 1e-300)
-        gain = Cell("normal", np.array([[whole]]), True, 1.0)
+        folds = _folds_of_beams(projector, settings.folds)
+        gains = tuple(np.bincount(fold, score, settings.folds) for fold in folds)
+        cell = Cell("normal", np.array([[whole]]), True, 1.0, gains)
         cluster_information = tables[TRACK] ** 2, tables[PART] ** 2
         return Entry(
-            group, tables, cluster_information, np.array([[whole]]), scatter, np.ones(1), gain, False, np.ones(1)
+            group, tables, cluster_information, np.array([[whole]]), scatter, np.ones(1), cell, False, np.ones(1)
         )
     events = score > 0.2
     weight = float((score[events] * sample.share[events]).sum() / max(float(score[events].sum()), 1e-9)) or 1.0
