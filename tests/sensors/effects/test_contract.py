@@ -94,3 +94,14 @@ def _slope(whole: Effect, name: str, step: float, shot) -> np.ndarray:
         of = expect((with_values(whole, {name: value + by}),), shot)
         expected.append(np.concatenate([np.nan_to_num(of.range_m), of.intensity, of.seen, of.intensity_sigma]))
     return (expected[0] - expected[1]) / (2 * step)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_steps_of_finite_differences_are_small_against_the_example(name: str) -> None:
+    """Also where the effect is neutral at a limit far away."""
+    kind = EFFECTS[name]
+    if kind.neutral is None:
+        return
+    for unknown in unknowns(kind):
+        if unknown.name in kind.example and np.any(kind.example[unknown.name]):
+            assert 0 < unknown.step <= 0.1 * np.max(np.abs(kind.example[unknown.name]))
