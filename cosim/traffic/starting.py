@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from cosim.errors import CosimError
+from cosim.traffic.sublane_state import drop_speed_advice
 
 _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _QUICK_STEP_S = 0.5
@@ -82,7 +83,8 @@ def start_sumo(
     if sublane:
         command += ["--lateral-resolution", str(_SUBLANE_M)]
     if state is not None:
-        command += ["--load-state", str(state.path), "--begin", str(state.time_s)]
+        path = drop_speed_advice(state.path) if sublane else state.path
+        command += ["--load-state", str(path), "--begin", str(state.time_s)]
     return _start(command)
 
 
