@@ -92,10 +92,17 @@ def context_of(
         split = split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
     else:
         split = split_frames(tuple(frames), settings=settings.sampling)
-    hidden = undetermined_effects(len(split.fit), has_surfels(drive.root), settings.beams)
-    types = tuple(kind for kind in candidate_effects(extra, model.pattern.rings) if kind.name not in hidden)
+    types = candidates_for(drive, model, len(split.fit), settings, extra)
     tracer = FrameTracer(drive, model, settings)
     return Context(model, tracer, split, types, settings, seed, on_progress, tuple(refitted))
+
+
+def candidates_for(
+    drive: Drive, model: SensorModel, fitted: int, settings: Settings, extra: Sequence[type[Effect]] = ()
+) -> tuple[type[Effect], ...]:
+    """Types of the effects that `fitted` frames of a drive can determine; `extra` are those of plug-ins."""
+    hidden = undetermined_effects(fitted, has_surfels(drive.root), settings.beams)
+    return tuple(kind for kind in candidate_effects(extra, model.pattern.rings) if kind.name not in hidden)
 
 
 def trace_and_fit(

@@ -23,6 +23,22 @@ from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
 
 PARTS = ("poses", "objects", "map")
+
+
+@dataclass(frozen=True)
+class Removed:
+    """What is removed from an error.
+
+    Attributes:
+        parts: sources whose random effects are removed.
+        uncertain_edges: whether beams near edges that uncertain poses and objects may have moved are left out, too.
+    """
+
+    parts: tuple[str, ...]
+    uncertain_edges: bool = False
+
+
+AS_GIVEN, ALIGNED = Removed(()), Removed(PARTS, uncertain_edges=True)
 _Moved = tuple[np.ndarray | float, np.ndarray | float]
 
 
@@ -81,144 +97,189 @@ class FramePairs:
     Attributes:
         before, after: frames under the first and the second model.
         align: aligns the same frames under other effects.
-        before_parts: sources of the budget whose random effects are removed from `before`.
+        before_removed: what is removed from `before`.
     """
 
     before: Aligned
     after: Aligned
     align: Callable[[Sequence[Effect]], Aligned]
-    before_parts: tuple[str, ...] = PARTS
+    before_removed: Removed = ALIGNED
 
     def __len__(self) -> int:
         return len(self.after)
 
     def pairs(self) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
-        """Iterate over frames before and after, with random effects removed (those of `before_parts` in `before`)."""
-        yield from zip(self.before.each(self.before_parts), self.after.each(), strict=True)
+        """Iterate over frames before and after, with random effects removed (`before_removed` in `before`)."""
+        yield from zip(self.before.each(self.before_removed), self.after.each(), strict=True)
 
 
 class Aligned:
     """Frames under one model, scored with the random effects of chosen sources removed.
+
+    Frames are scored one after another, so that memory does not grow with their number.
 
     Args:
         context: context of the analysis.
         on: frames and the random effects fitted to them.
         effects: effects of the model.
         others: the same frames under other models; traces of identically deflected beams are reused.
+        random_of: the same frames whose random effects are used; by default they are fitted under these effects.
     """
 
     def __init__(
-        self, context: Context, on: FittedFrames, effects: tuple[Effect, ...], others: Sequence[Aligned] = ()
+        self,
+        context: Context,
+        on: FittedFrames,
+        effects: tuple[Effect, ...],
+        others: Sequence[Aligned] = (),
+        random_of: Aligned | None = None,
     ) -> None:
         self._effects = in_order(effects)
+        self._origin = context.sensor.origin
         bent = bending(self._effects)
         same = bent == bending(on.fitted.effects)
         similar = next((other for other in others if bending(other._effects) == bent), None)
         if similar is not None:
-            frames, self._samples = similar._frames, similar._samples
+            self._frames = similar._frames
         else:
-            frames = list(on.frames) if same else context.tracer.trace_all(on.names, bent)
-            self._samples: dict[TracedFrame, Sample] = {}
-        self._frames = frames
+            self._frames = on.frames if same else tuple(context.tracer.trace_all(on.names, bent))
         self._random = on.fitter.random
-        self._estimate = on.fitted.estimate if same else fit_random_effects(on, effects).estimate
-        if on.fitter.sample.of_own_map:  # a sample covers only part of the map: align with the unchanged map
-            without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
-            self._estimate = fit_random_effects(on, effects, without_map).estimate
-        sizes = edge_tolerance(self._random, self._estimate)
-        self._wide = [frame.near_uncertain_edges(*sizes) if any(sizes) else None for frame in frames]
-        origin = context.sensor.origin
-        self._members = [
-            Ensemble.of(frame, self._effects, model_chance(0, number), origin) for number, frame in enumerate(frames)
-        ]
-        self._held_out: dict[tuple[str, ...], HeldOut] = {}
-        self._moved: dict[tuple[str, ...], list[_Moved]] = {(): [(0.0, 1.0)] * len(frames)}
+        if random_of is not None:
+            self._estimate = random_of._estimate
+        else:
+            self._estimate = on.fitted.estimate if same else fit_random_effects(on, effects).estimate
+            if on.fitter.sample.of_own_map:  # a sample covers only part of the map: align with the unchanged map
+                without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
+                self._estimate = fit_random_effects(on, effects, without_map).estimate
+        self._tolerance = edge_tolerance(self._random, self._estimate)
+        self._totals: dict[Removed, list[Totals]] = {}
+        self._floor: list[dict[str, tuple[float, int]]] = []
 
     def __len__(self) -> int:
         return len(self._frames)
 
-    def error(self, parts: tuple[str, ...]) -> float:
-        """Error with the random effects of some sources removed."""
-        return self.held_out(parts).error
-
-    def floor(self) -> float | None:
-        """Noise floor: error of a model that is correct up to noise; None if it cannot be estimated."""
-        scores = self.scores(PARTS)
-        expected = [self._expected(number, PARTS) for number in range(len(self._frames))]
-        sums = [
-            estimate_floor(NeighbourPairs.of(frame, frame_scores, expectation), frame_scores, expectation)
-            for frame, frame_scores, expectation in zip(self._frames, scores, expected, strict=True)
-        ]
-        floor = NoiseFloor.of(sums)
-        return None if floor is None else floor.error
-
-    def each(self, parts: tuple[str, ...] = PARTS) -> Iterator[AlignedFrame]:
-        """Iterate over the frames, with the random effects of some sources removed."""
-        for number, (frame, scores) in enumerate(zip(self._frames, self.scores(parts), strict=True)):
-            whole = self._whole[number]
-            expected = self._expected(number, parts)
-            wide = self._wide[number]
-            mixed = frame.border | frame.seam if wide is None else frame.border | frame.seam | wide
-            yield AlignedFrame(frame, scores, expected, whole.random.sample, whole.expected, mixed)
-
-    def held_out(self, parts: tuple[str, ...] = ()) -> HeldOut:
-        """Errors by frame, with the random effects of some sources removed."""
-        if parts not in self._held_out:
-            totals = [Totals.of(frame, scores) for frame, scores in zip(self._frames, self.scores(parts), strict=True)]
-            by_frame, beams = np.array([total.error for total in totals]), np.array([total.beams for total in totals])
-            self._held_out[parts] = HeldOut(sum(totals, Totals()).error, by_frame, beams, None)
-        return self._held_out[parts]
+    @property
+    def blurring(self) -> tuple[str, ...]:
+        """Sources that make the positions of edges uncertain."""
+        kinds = {"poses": ("poses",), "objects": ("objects", "objects_by_scan")}
+        return tuple(
+            part
+            for part, names in kinds.items()
+            if any(np.any(self._random.spread(self._estimate, name) > 0) for name in names)
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the frames."""
         return tuple(frame.name for frame in self._frames)
 
-    def scores(self, parts: tuple[str, ...] = PARTS) -> list[FrameScores]:
-        """Scores of each frame, with the random effects of some sources removed."""
-        return [
-            scored(frame, members, shift, gain, wide if parts else None)
-            for frame, members, (shift, gain), wide in zip(
-                self._frames, self._members, self._shifts(parts), self._wide, strict=True
+    def error(self, removed: Removed) -> float:
+        """Error with the random effects of some sources removed."""
+        return self.held_out(removed).error
+
+    def held_out(self, removed: Removed) -> HeldOut:
+        """Errors by frame, with the random effects of some sources removed."""
+        if removed not in self._totals:
+            self.measure([removed])
+        totals = self._totals[removed]
+        by_frame, beams = np.array([total.error for total in totals]), np.array([total.beams for total in totals])
+        return HeldOut(sum(totals, Totals()).error, by_frame, beams, None)
+
+    def measure(self, several: Sequence[Removed]) -> None:
+        """Compute the errors with several sets of sources removed, in one pass over the frames."""
+        missing = [removed for removed in several if removed not in self._totals]
+        totals = {removed: list[Totals]() for removed in missing}
+        for scan in self._scans() if missing else ():
+            for removed in missing:
+                scores = scan.scores(removed)
+                totals[removed].append(Totals.of(scan.frame, scores))
+                if removed == ALIGNED:
+                    expected = scan.expected(removed)
+                    self._floor.append(
+                        estimate_floor(NeighbourPairs.of(scan.frame, scores, expected), scores, expected)
+                    )
+        self._totals |= totals
+
+    def floor(self) -> float | None:
+        """Noise floor: error of a model that is correct up to noise; None if it cannot be estimated."""
+        self.measure([ALIGNED])
+        floor = NoiseFloor.of(self._floor)
+        return None if floor is None else floor.error
+
+    def each(self, removed: Removed = ALIGNED) -> Iterator[AlignedFrame]:
+        """Iterate over the frames, with the random effects of some sources removed."""
+        for scan in self._scans():
+            frame, wide = scan.frame, scan.wide
+            mixed = frame.border | frame.seam if wide is None else frame.border | frame.seam | wide
+            whole = scan.whole
+            yield AlignedFrame(
+                frame, scan.scores(removed), scan.expected(removed), whole.random.sample, whole.expected, mixed
             )
-        ]
 
-    def _shifts(self, parts: tuple[str, ...]) -> list[_Moved]:
-        """For each frame, (n,) shift of predicted ranges [m] and factor on intensities."""
-        if parts not in self._moved:
-            self._moved[parts] = [whole.shifts(parts) for whole in self._whole]
-        return self._moved[parts]
+    def scores(self) -> Iterator[FrameScores]:
+        """Iterate over the scores of the frames, aligned."""
+        for scan in self._scans():
+            yield scan.scores(ALIGNED)
 
-    @cached_property
-    def _whole(self) -> list[_Whole]:
-        """All beams of each frame with their random effects."""
-        return [
-            _Whole.of(self._random, self._estimate, number, self._sample_of(frame), self._prediction_of(number))
-            for number, frame in enumerate(self._frames)
-        ]
+    def _scans(self) -> Iterator[_Scan]:
+        for number, frame in enumerate(self._frames):
+            yield _Scan(
+                number=number,
+                frame=frame,
+                effects=self._effects,
+                members=Ensemble.of(frame, self._effects, model_chance(0, number), self._origin),
+                random=self._random,
+                estimate=self._estimate,
+                wide=frame.near_uncertain_edges(*self._tolerance) if any(self._tolerance) else None,
+            )
 
-    def _sample_of(self, frame: TracedFrame) -> Sample:
-        """Return the sample of all beams of a frame (cached)."""
-        if frame not in self._samples:
-            self._samples[frame] = whole_sample(frame)
-        return self._samples[frame]
 
-    def _prediction_of(self, number: int) -> Prediction:
-        """Predict all beams of a frame."""
-        frame = self._frames[number]
-        return self._sample_of(frame).predict_traced(self._effects, frame.shot, self._expectations[number])
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """One frame under a model; what is computed of it is freed with it.
 
-    @cached_property
-    def _expectations(self) -> list[Expectation]:
-        return [
-            expect(self._effects, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
-            for frame in self._frames
-        ]
+    Attributes:
+        number: row of the scan in the sample to which the random effects were fitted.
+        frame: traced frame.
+        effects: of the model, in the order in which they act.
+        members: ensemble prediction.
+        random, estimate: random effects and their estimate.
+        wide: (n,) bool ambiguous beams, replaces `frame.edge`.
+    """
 
-    def _expected(self, number: int, parts: tuple[str, ...]) -> Expectation:
-        """Expectation of a frame's beams, adjusted by the random effects of some sources."""
-        expectation, (shift, gain) = self._expectations[number], self._shifts(parts)[number]
+    number: int
+    frame: TracedFrame
+    effects: tuple[Effect, ...]
+    members: Ensemble
+    random: RandomEffects
+    estimate: Estimate
+    wide: np.ndarray | None
+
+    def scores(self, removed: Removed) -> FrameScores:
+        """Scores with the random effects of some sources removed."""
+        shift, gain = self._shifts(removed.parts)
+        return scored(self.frame, self.members, shift, gain, self.wide if removed.uncertain_edges else None)
+
+    def expected(self, removed: Removed) -> Expectation:
+        """Expectation of the beams, adjusted by the random effects of some sources."""
+        expectation, (shift, gain) = self._expectation, self._shifts(removed.parts)
         return replace(expectation, range_m=expectation.range_m + shift, intensity=expectation.intensity * gain)
+
+    @cached_property
+    def whole(self) -> _Whole:
+        """All beams of the frame with their random effects."""
+        sample = whole_sample(self.frame)
+        predicted = sample.predict_traced(self.effects, self.frame.shot, self._expectation)
+        return _Whole.of(self.random, self.estimate, self.number, sample, predicted)
+
+    @cached_property
+    def _expectation(self) -> Expectation:
+        frame = self.frame
+        return expect(self.effects, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
+
+    def _shifts(self, parts: tuple[str, ...]) -> _Moved:
+        """(n,) shift of predicted ranges [m] and factor on intensities."""
+        return self.whole.shifts(parts) if parts else (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,8 +316,9 @@ class Budget:
         given_aligned: the same for the initial model.
         floor: error of a model that is correct up to noise, on the beams of `error_aligned`; None if unknown.
         parts: noise, poses, objects, map, missing and unexplained; the sum is `error`. Each part is the mean decrease
-            of the error over orders of removing the parts, so that error that two parts could explain is divided
-            equally between them.
+            of the error over two orders of removing the parts: missing effects, poses, objects and map, and the
+            reverse. In both the random effects are those fitted with the final model, because without the missing
+            effects they would take over what all frames share.
         steps: errors at uncorrected poses of the model with 0, 1, 2, … findings.
         aligned_steps: the same after alignment.
     """
@@ -268,6 +330,11 @@ class Budget:
     parts: dict[str, float]
     steps: tuple[HeldOut, ...]
     aligned_steps: tuple[HeldOut, ...] = ()
+
+    @property
+    def has_findings(self) -> bool:
+        """Whether the final model has effects that the initial one lacks."""
+        return len(self.steps) > 1
 
 
 def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, FramePairs]:
@@ -286,27 +353,34 @@ def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect,
     for effects in models[1:-1]:
         aligned_models.append(Aligned(context, on, effects, [aligned_models[-1], last]))
     aligned_models.append(last)
-    first, floor, error_aligned = aligned_models[0], last.floor(), last.error(PARTS)
+    given = aligned_models[0]
+    # The same random effects in both models, so that removing a source means the same.
+    first = Aligned(context, on, models[0], [given], random_of=last) if given is not last else last
+    forward = [Removed(PARTS[:count]) for count in range(len(PARTS) + 1)]
+    backward = [Removed(PARTS[count:]) for count in range(len(PARTS), -1, -1)]
+    last.measure([*forward, ALIGNED])
+    first.measure(backward)
+    for model in aligned_models[:-1]:
+        model.measure([AS_GIVEN, ALIGNED])
+    error_aligned, floor = last.error(ALIGNED), last.floor()
     noise = error_aligned if floor is None else min(floor, error_aligned)
     parts = {"noise": noise}
     for index, name in enumerate(PARTS):
-        before, after, others = PARTS[:index], PARTS[: index + 1], PARTS[index + 1 :]
-        orders = ((before, after), (others, PARTS[index:]))
-        decreases = [
-            model.error(fewer_removed) - model.error(more_removed)
-            for model in (first, last)
-            for fewer_removed, more_removed in orders
-        ]
-        parts[name] = float(np.mean(decreases))
-    parts["missing"] = 0.5 * (first.error(()) - last.error(()) + first.error(PARTS) - last.error(PARTS))
+        then = last.error(forward[index]) - last.error(forward[index + 1])
+        reverse = first.error(Removed(PARTS[index + 1 :])) - first.error(Removed(PARTS[index:]))
+        parts[name] = 0.5 * (then + reverse)
+    at_uncertain_edges = last.error(forward[-1]) - error_aligned
+    for name in last.blurring:
+        parts[name] += at_uncertain_edges / len(last.blurring)
+    parts["missing"] = 0.5 * sum(first.error(which) - last.error(which) for which in (AS_GIVEN, forward[-1]))
     parts["unexplained"] = error_aligned - noise
-    steps, aligned_steps = (tuple(model.held_out(which) for model in aligned_models) for which in ((), PARTS))
-    return Budget(first.error(()), error_aligned, first.error(PARTS), floor, parts, steps, aligned_steps), FramePairs(
-        first, last, lambda effects: Aligned(context, on, tuple(effects), [first, last])
-    )
+    steps, aligned_steps = (tuple(model.held_out(which) for model in aligned_models) for which in (AS_GIVEN, ALIGNED))
+    return Budget(
+        given.error(AS_GIVEN), error_aligned, given.error(ALIGNED), floor, parts, steps, aligned_steps
+    ), FramePairs(given, last, lambda effects: Aligned(context, on, tuple(effects), [given, last]))
 
 
 def held_out(context: Context, on: FittedFrames, effects: Sequence[Effect]) -> HeldOut:
     """Errors of effects on frames at uncorrected poses, and the noise floor after alignment."""
     aligned = Aligned(context, on, tuple(effects))
-    return replace(aligned.held_out(), floor=aligned.floor())
+    return replace(aligned.held_out(AS_GIVEN), floor=aligned.floor())

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.analysis import Context, FittedFrames, trace_and_fit
-from cosim.discrepancy.budget import Budget, FramePairs, budget_of
+from cosim.discrepancy.analysis import Context, FittedFrames, candidates_for, trace_and_fit
+from cosim.discrepancy.budget import AS_GIVEN, Budget, FramePairs, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
@@ -169,10 +169,12 @@ class Comparison:
 
     @property
     def at_floor(self) -> bool:
-        """Whether the aligned error equals the noise floor, within 2 % and a thousandth of a scale.
+        """Whether the error equals the noise floor, within 2 % and a thousandth of a scale, and no effect is missing.
 
-        Of the aligned error within 5 %: poses and objects are never fitted exactly.
+        Where alignment more than halves the error, the aligned error counts, within 5 %: fits are never exact.
         """
+        if self.budget is not None and self.budget.has_findings:
+            return False
         if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.given_aligned:
             return self.budget.given_aligned <= (1 + self.settings.at_floor) * self.budget.floor
         return self.floor is not None and self.error <= self.settings.near * self.floor.error + self.settings.negligible
@@ -328,7 +330,7 @@ def _budget(
 ) -> tuple[Budget | None, FramePairs | None]:
     """Sources of the error of some frames, and these frames; None where nothing can be compared.
 
-    What is missing is estimated as `diagnose` does, with dependences instead of the catalogue's effects and few terms.
+    What is missing is estimated as `diagnose` does, with fewer beams and terms.
     """
     if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
         return None, None
@@ -336,7 +338,8 @@ def _budget(
     settings = tracer.settings
     by = replace(settings.selection, steps=settings.compare_steps)
     few = replace(settings, rows=settings.compare_rows, selection=by)
-    context = Context(model, tracer, Split(names, names), (), few, seed, _LOG.debug)
+    types = candidates_for(tracer.drive, model, len(names), settings)
+    context = Context(model, tracer, Split(names, names), types, few, seed, _LOG.debug)
     own = with_rings(effects, model.pattern.rings)
     on = trace_and_fit(context, names, own, traced=tuple(frames))
     _, _, selected = select(context, FittedModel(on.frames, on.fitter, on.fitted))
@@ -344,4 +347,4 @@ def _budget(
     final = selected.fitted.effects
     on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)
     budget, frame_pairs = budget_of(context, on, [own] if final == own else [own, final])
-    return budget, replace(frame_pairs, before_parts=())
+    return budget, replace(frame_pairs, before_removed=AS_GIVEN)

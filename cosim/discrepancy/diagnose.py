@@ -23,7 +23,7 @@ from cosim.discrepancy.analysis import (
     is_accurate,
     trace_and_fit,
 )
-from cosim.discrepancy.budget import PARTS, Budget, FramePairs, budget_of
+from cosim.discrepancy.budget import ALIGNED, Budget, FramePairs, budget_of
 from cosim.discrepancy.candidates import amplitudes
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.data.wiring import Exchange, exchanged_rings
@@ -368,7 +368,7 @@ def _needed(
         if after >= before and len(findings) > 1:
             others = [other for other in findings if other is not one]
             without = frame_pairs.align(_steps(context, effects, others, left_out=one.name)[-1])
-            if without.error(PARTS) > errors[-1]:
+            if without.error(ALIGNED) > errors[-1]:
                 found.add(one.name)
     return frozenset(found)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.budget import PARTS, AlignedFrame, FramePairs
+from cosim.discrepancy.budget import ALIGNED, AlignedFrame, FramePairs
 from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.scores import CLIP_M, FrameScores, Totals
 from cosim.discrepancy.settings import Settings
@@ -142,7 +142,7 @@ class BeamResiduals:
     @classmethod
     def of(cls, frame_pairs: FramePairs, shown: int, seed: int = 0) -> BeamResiduals:
         """Collect the data of validation frames, `shown` of them as a whole; `seed` is for the sampling of rows."""
-        has_poses = "poses" not in frame_pairs.before_parts
+        has_poses = "poses" not in frame_pairs.before_removed.parts
         parts: list[Rows] = []
         errors: list[float] = []
         for number, (before, after) in enumerate(frame_pairs.pairs()):
@@ -151,7 +151,7 @@ class BeamResiduals:
         kept = _choose_scans(errors, shown)
         scans = [_scan(before, after) for number, (before, after) in enumerate(frame_pairs.pairs()) if number in kept]
         scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
-        same = frame_pairs.before is frame_pairs.after and frame_pairs.before_parts == PARTS
+        same = frame_pairs.before is frame_pairs.after and frame_pairs.before_removed == ALIGNED
         return cls(_concatenate(parts), tuple(scans), same)
 
 
