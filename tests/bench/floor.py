@@ -37,6 +37,7 @@ from sensors.cameras.backend import select_backend
 from sensors.hits import Hits
 from sensors.tracing import Tracer
 from tests.bench.rows import Row
+from tests.bench.stages import timed
 
 _FRAMES, _SEED, _TOWN = 50, 1, "town05"
 _GOAL = 1.6
@@ -84,7 +85,7 @@ def _record(config: RunConfig, folder: Path, ours: dict[str, float], floor: dict
     with ExitStack() as patches:
 
         def count(owner: Any, name: str, stage: str, spent: dict[str, float]) -> None:
-            patches.enter_context(patch.object(owner, name, _counted(getattr(owner, name), stage, spent)))
+            patches.enter_context(patch.object(owner, name, timed(getattr(owner, name), stage, spent)))
 
         for stage, functions in _OURS.items():
             for owner, name in functions:
@@ -119,18 +120,6 @@ def _with_raw_query(
         ours["LiDAR"] -= spent_s
         added["query"] += spent_s
         return hits
-
-    return wrapper
-
-
-def _counted(function: Callable[..., Any], stage: str, spent: dict[str, float]) -> Callable[..., Any]:
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        started = time.thread_time()
-        try:
-            return function(*args, **kwargs)
-        finally:
-            spent[stage] += time.thread_time() - started
 
     return wrapper
 

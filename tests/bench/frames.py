@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from sensors.cameras import CameraRenderer
 from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
 from tests.bench.rows import Row
+from tests.bench.stages import timed
 
 _STAGED, _VARIED = 20, 8
 _SEED = 1
@@ -50,7 +50,7 @@ def stage_rows() -> Iterator[Row]:
     """Milliseconds of one process's own time, stage by stage."""
     config = RunConfig(frames=_STAGED + 2, frames_per_episode=_STAGED + 2, seed=_SEED)
     plan = plan_episodes(config)[0]
-    spent: Counter[str] = Counter()
+    spent: defaultdict[str, float] = defaultdict(float)
     started: list[float] = []
 
     def follow(_: str) -> None:
@@ -60,7 +60,7 @@ def stage_rows() -> Iterator[Row]:
 
     with tempfile.TemporaryDirectory() as folder, ExitStack() as patches:
         for stage, (owner, name) in _STAGES.items():
-            patches.enter_context(patch.object(owner, name, _counted(getattr(owner, name), stage, spent)))
+            patches.enter_context(patch.object(owner, name, timed(getattr(owner, name), stage, spent)))
         recorder = Recorder(config, rig_sensors(config), DriveWriter(Path(folder)))
         run_episode(plan, config, recorder.move_to(plan), recorder, done=(), on_frame=follow)
         recorder.close()
@@ -85,18 +85,6 @@ def size_rows() -> Iterator[Row]:
         make_variants(few, ",".join(PAPER), Path(folder) / "variants")
         seconds = (time.monotonic() - started) / _VARIED
         yield Row(f"cosim variants, the paper's {len(PAPER)}, one worker, start included", f"{seconds:.2f} s a frame")
-
-
-def _counted(function: Callable[..., Any], stage: str, spent: Counter[str]) -> Callable[..., Any]:
-    @functools.wraps(function)
-    def wrapper(*args: Any, **kwargs: Any) -> Any:
-        started = time.thread_time()
-        try:
-            return function(*args, **kwargs)
-        finally:
-            spent[stage] += time.thread_time() - started  # type: ignore[assignment]
-
-    return wrapper
 
 
 def _bytes_a_frame(drive: Path) -> dict[str, float]:

@@ -39,9 +39,13 @@ class Cell:
     fold_gains: tuple[np.ndarray, ...] = ()
 
 
-def fold_sums(table: np.ndarray, folds: int, rng: np.random.Generator) -> np.ndarray:
-    """Sums (folds, k) over random folds of the clusters of a table (clusters, k)."""
-    fold = rng.permutation(len(table)) % folds
+def folds_of_clusters(count: int, folds: int, kind: int) -> np.ndarray:
+    """Random fold (count,) int of each cluster of the clustering `kind`, always the same for the same arguments."""
+    return np.random.default_rng([folds, kind]).permutation(count) % folds
+
+
+def fold_sums(table: np.ndarray, fold: np.ndarray, folds: int) -> np.ndarray:
+    """Sums (folds, k) of a table (clusters, k) over the clusters of each fold; `fold` is (clusters,)."""
     return np.stack([table[fold == number].sum(0) for number in range(folds)])
 
 

@@ -13,7 +13,14 @@ from cosim.discrepancy.dictionary.shared_errors import SharedError, common_infor
 from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
-from cosim.discrepancy.selection.gain import Cell, Distribution, cross_fitted_gain, fold_sums, random_effect_gain
+from cosim.discrepancy.selection.gain import (
+    Cell,
+    Distribution,
+    cross_fitted_gain,
+    fold_sums,
+    folds_of_clusters,
+    random_effect_gain,
+)
 from cosim.discrepancy.selection.returns import count_returns, effect_gains, expected_losses
 from cosim.discrepancy.settings import Selection
 
@@ -104,13 +111,14 @@ def score_groups(
 ) -> list[Entry]:
     """Scores of groups; those that everything fitted explains are left out."""
     entries: list[Entry] = []
+    folds = _folds_of_beams(projector, settings.folds)
     for part in _chunks([group for group in groups if group.columns], settings.chunk):
-        entries += _project(linearisation, part, projector, settings)
+        entries += _project(linearisation, part, projector, folds, settings)
     tails = _tail_by_channel(entries)
     entries = [_with_dispersion(entry, tails) for entry in entries]
     for group in groups:
         if group.direct is not None:
-            entry = _direct(linearisation, group, projector, settings)
+            entry = _direct(linearisation, group, projector, folds, settings)
             if entry is not None:
                 entries.append(entry)
     return entries
@@ -197,11 +205,14 @@ def evaluate(
 
 
 def _project(
-    linearisation: Linearisation, groups: list[Group], projector: Projector, settings: Selection
+    linearisation: Linearisation,
+    groups: list[Group],
+    projector: Projector,
+    folds: list[np.ndarray],
+    settings: Selection,
 ) -> list[Entry]:
-    """Entries of groups with columns, before their gains know the dispersion."""
+    """Entries of groups with columns, before their gains know the dispersion; `folds` as of `_folds_of_beams`."""
     found, entries, end = projector.project(joined(groups, len(linearisation.sample))), [], 0
-    folds = _folds_of_beams(projector, settings.folds)
     for group in groups:
         own = slice(end, end + group.size)
         end += group.size
@@ -233,7 +244,9 @@ def _project(
     return entries
 
 
-def _direct(linearisation: Linearisation, group: Group, projector: Projector, settings: Selection) -> Entry | None:
+def _direct(
+    linearisation: Linearisation, group: Group, projector: Projector, folds: list[np.ndarray], settings: Selection
+) -> Entry | None:
     """Entry of a group of one column whose scores no derivative gives."""
     assert group.direct is not None
     score, information = group.direct
@@ -246,7 +259,6 @@ def _direct(linearisation: Linearisation, group: Group, projector: Projector, se
     whole = float(information.sum())
     if whole <= 0:  # a whole setting without fitted coefficients: the score of a beam is its gain
         whole = max(float(scatter[0]), 1e-300)
-        folds = _folds_of_beams(projector, settings.folds)
         gains = tuple(np.bincount(fold, score, settings.folds) for fold in folds)
         cell = Cell("normal", np.array([[whole]]), True, 1.0, gains)
         cluster_information = tables[TRACK] ** 2, tables[PART] ** 2
@@ -324,20 +336,18 @@ def _gain(entry: Entry, kind: int, folds: int) -> np.ndarray:
 
 def _folds_of_beams(projector: Projector, folds: int) -> list[np.ndarray]:
     """Fold (n,) int of each beam, for both clusterings: all beams of a cluster are in one fold."""
-    found = []
-    for kind, cluster in enumerate(projector.clusters):
-        rng = np.random.default_rng([folds, kind])
-        found.append((rng.permutation(int(cluster.max(initial=-1)) + 1) % folds)[cluster])
-    return found
+    counts = [int(cluster.max(initial=-1)) + 1 for cluster in projector.clusters]
+    return [
+        folds_of_clusters(count, folds, kind)[cluster]
+        for kind, (count, cluster) in enumerate(zip(counts, projector.clusters, strict=True))
+    ]
 
 
 def _folded(entry: Entry, kind: int, folds: int) -> tuple[np.ndarray, np.ndarray]:
     """Scores and information (folds, k) of random folds of the clusters."""
-    seed = [folds, kind]
-    return tuple(  # type: ignore[return-value]
-        fold_sums(table, folds, np.random.default_rng(seed))
-        for table in (entry.tables[kind], entry.cluster_information[kind])
-    )
+    table, information = entry.tables[kind], entry.cluster_information[kind]
+    fold = folds_of_clusters(len(table), folds, kind)
+    return fold_sums(table, fold, folds), fold_sums(information, fold, folds)
 
 
 def _in_events(table: np.ndarray, entries: Sequence[Entry], ends: np.ndarray) -> np.ndarray:

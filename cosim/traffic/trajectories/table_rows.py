@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 _FEWEST = 6  # rows of a road user needed to detect a time outlier
@@ -66,11 +68,7 @@ def contradicted_times(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_
         y_m: (n,) places.
     """
     found = np.zeros(len(user), bool)
-    order = np.lexsort((time_s, user))
-    order = order[np.isfinite(time_s[order]) & np.isfinite(x_m[order]) & np.isfinite(y_m[order])]
-    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
-        if len(rows) < _FEWEST:
-            continue
+    for rows in _rows_by_user(user, time_s, x_m, y_m):
         usual = float(np.median(np.diff(time_s[rows])))
         for end, near, next_to_near in (rows[:3], rows[:-4:-1]):
             gap, step = abs(time_s[end] - time_s[near]), abs(time_s[near] - time_s[next_to_near])
@@ -92,11 +90,7 @@ def position_outliers(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m
         y_m: (n,) places.
     """
     found = np.zeros(len(user), bool)
-    order = np.lexsort((time_s, user))
-    order = order[np.isfinite(time_s[order]) & np.isfinite(x_m[order]) & np.isfinite(y_m[order])]
-    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
-        if len(rows) < _FEWEST:
-            continue
+    for rows in _rows_by_user(user, time_s, x_m, y_m):
         position, step_s = np.column_stack([x_m[rows], y_m[rows]]), np.maximum(np.diff(time_s[rows]), 1e-9)
         way = np.linalg.norm(np.diff(position, axis=0), axis=1)
         past = np.linalg.norm(position[2:] - position[:-2], axis=1)
@@ -106,3 +100,12 @@ def position_outliers(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m
         spike = (detour > _SPIKE * past + _SPIKE_M) & (speed > _FASTER * usual + _FASTER_MPS)
         found[rows[1:-1][spike]] = True
     return found
+
+
+def _rows_by_user(user: np.ndarray, time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> Iterator[np.ndarray]:
+    """Rows of each road user with enough finite rows, in order of time."""
+    order = np.lexsort((time_s, user))
+    order = order[np.isfinite(time_s[order]) & np.isfinite(x_m[order]) & np.isfinite(y_m[order])]
+    for rows in np.split(order, np.flatnonzero(np.diff(user[order])) + 1):
+        if len(rows) >= _FEWEST:
+            yield rows

@@ -210,9 +210,9 @@ def _gain(channel: str, beams: Beams, basis: SparseMatrix, scores: Scores, seed:
     """Cross-fitted gain of one group, in log-likelihood of the weighted beams."""
     of = linearised(beams, {channel: scores})
     entry = score_groups(of, [group_of(channel, "beam", basis)], of.projector(_SETTINGS.sectors), _SETTINGS)[0]
+    fold = np.random.default_rng(seed).permutation(len(entry.tables[TRACK])) % _SETTINGS.folds
     sums, known = (
-        fold_sums(tables[TRACK], _SETTINGS.folds, np.random.default_rng(seed))
-        for tables in (entry.tables, entry.cluster_information)
+        fold_sums(tables[TRACK], fold, _SETTINGS.folds) for tables in (entry.tables, entry.cluster_information)
     )
     if entry.cell.fold_gains:
         return float(entry.cell.fold_gains[TRACK].sum())
