@@ -333,7 +333,7 @@ class Budget:
 
     @property
     def has_findings(self) -> bool:
-        """Whether the final model has effects that the initial one lacks."""
+        """Whether the final model has effects that are not in the initial one."""
         return len(self.steps) > 1
 
 

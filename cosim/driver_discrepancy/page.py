@@ -83,7 +83,7 @@ def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) ->
         diagnosis: the diagnosis.
         measured, config: names of data and configuration for display.
     """
-    title = f"Behaviours that {config} lacks against {measured}"
+    title = f"Behaviours that {config} is missing, compared with {measured}"
     models = [("model as given", diagnosis.before.runs)]
     models += [("improved", diagnosis.after.runs)] if diagnosis.effects else []
     sections = [

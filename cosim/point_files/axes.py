@@ -91,7 +91,7 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
             "seen "
             "from above, which spinning sensors do not by default; settle it with --flip-y (y is mirrored; `flip_y: "
             "true` in drive.yaml or recording.yaml) or --axes "
-            "x,y,z (it is right as it is)"
+            "x,y,z (it is right)"
         )
     return bool(known)
 

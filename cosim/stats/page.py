@@ -111,7 +111,7 @@ def _distances(distances: Sequence[Distance], sets: Sequence[Collected]) -> str:
         "plane (sliced), distance × height with both axes in standard deviations. The interval is drawn "
         "over frames; frames of one drive resemble each other, so it is rather too narrow. Chance is "
         "what two sets of these sizes drawn from both together would show: the tick on the bar. The "
-        "floor is how far as many frames of {} alone (at most half) are from its rest.</p><table><thead>"
+        "floor is how far some frames of {} (as many, at most half) are from its rest.</p><table><thead>"
         "<tr><th></th><th>distance</th><th>95 %</th><th>chance</th><th>floor</th><th></th><th>in sd of "
         "{}</th><th></th><th>KS</th></tr></thead><tbody>{}</tbody></table></section>",
         sets[0].title,

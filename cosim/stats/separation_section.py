@@ -44,7 +44,7 @@ def separation_section(test: TwoSample | str | None) -> str:
     text = (
         f"Boosted trees name the set of patches of {grid['patch'][0]} {rows} × {grid['patch'][1]} columns of "
         f"{grid['step_deg']:.2f}° within {grid['sector_deg']:.0f}° about the forward direction, from 25 simple "
-        f"figures, and are judged on units that took no part in their training ({units[0]} and {units[1]}, unit: "
+        f"figures, and are evaluated on units that took no part in their training ({units[0]} and {units[1]}, unit: "
         f"{test.information['unit']!s}). AUC 0.5: they cannot; 1: always. Baseline: the first half of {b} "
         "against its second. The interval counts whole units and leaves the trees as they are."
     )

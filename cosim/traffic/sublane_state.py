@@ -17,7 +17,7 @@ _SPEED_ADVICE = re.compile(r'(\blcStateBase="[^" ]*) [^"]*(?=")')
 
 
 def drop_speed_advice(path: Path) -> Path:
-    """Remove the speed advice from a saved state; the lane change model computes it anew in the first step.
+    """Remove the speed advice from a saved state; the lane change model computes it again in the first step.
 
     Args:
         path: saved state, not compressed.

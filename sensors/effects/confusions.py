@@ -37,7 +37,7 @@ CONFUSIONS = (
         ("mount_translation", "box_shrink"),
         "A constant range error and a shift along x agree on everything straight ahead; shifted labels do on objects.",
         "Look at walls on all sides: a shift is +x ahead and −x behind, a range error has one sign all round. "
-        "Labels move objects only: the map tells.",
+        "Labels move only objects; the residuals of the map distinguish them.",
     ),
     Confusion(
         ("atmospheric_extinction", "range_falloff", "max_range"),

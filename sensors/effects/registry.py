@@ -66,7 +66,7 @@ def find_effect(text: str, folder: Path = Path()) -> type[Effect]:
     if text in _ELSEWHERE:
         raise SensorError(
             f"effect {text!r} is of the {_ELSEWHERE[text]} stage and cannot be part of a sensor; "
-            "it stands under behaviour in the run's configuration (docs/configuration.md)"
+            "it belongs under behaviour in the run's configuration (docs/configuration.md)"
         )
     if text.endswith(".py"):
         raise SensorError(f"effect {text!r} names no class of that file; write `{text}:ClassName`")

@@ -259,7 +259,7 @@ def refused(folder: Path, *entries: dict) -> str:
 def test_faults_of_the_manifest_are_reported_in_one_line(tmp_path: Path) -> None:
     write_gltf(tmp_path / "car.glb", car_parts())
     good = {"file": "car.glb", "kind": "car"}
-    assert "nobody.glb: no such mesh" in refused(tmp_path, good | {"file": "nobody.glb"})
+    assert "absent.glb: no such mesh" in refused(tmp_path, good | {"file": "absent.glb"})
     assert "unknown key" in refused(tmp_path, good | {"colour": "red"})
     assert "leaves the folder" in refused(tmp_path, good | {"file": "../car.glb"})
     assert "leaves the folder" in refused(tmp_path, good | {"file": "/etc/passwd.glb"})

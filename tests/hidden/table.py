@@ -63,7 +63,7 @@ def _catalogue() -> list[_Line]:
             _Line(f"one catalogue effect, {word}: right effect first", "≥ 0.97", _of(SINGLE, "first_right", level, 0)),
             _Line(f"one catalogue effect, {word}: in the reported set", "≥ 0.99", _of(SINGLE, "in_set", level, 0)),
         ]
-    return [*lines, _Line("one catalogue effect: nothing else reported", "", _of(SINGLE, "exact_set", "", 0))]
+    return [*lines, _Line("one catalogue effect: exactly this one reported", "", _of(SINGLE, "exact_set", "", 0))]
 
 
 def _parameters() -> list[_Line]:

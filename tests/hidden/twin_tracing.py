@@ -60,7 +60,7 @@ class _Shape:
 
 
 class _Model:
-    """A mesh split into what stops a beam and what lets it through."""
+    """A mesh split into surfaces that stop a beam and surfaces that transmit it."""
 
     def __init__(self, soup: Soup, glass: np.ndarray) -> None:
         is_glass = glass[soup.material]

@@ -37,7 +37,7 @@ def format_diagnosis(
         drive, sensor: names of what was diagnosed.
         explored: beams of the held-out frames; gathered from the diagnosis by default.
     """
-    title = f"What {sensor} lacks compared with {drive}"
+    title = f"Effects that {sensor} is missing, compared with {drive}"
     explored = explored or explored_of(diagnosis)
     frames = "held-out frames" if diagnosis.split.is_held_out else "fitted frames"
     text = fill(

@@ -199,7 +199,7 @@ def _check_way(path: Path, name: str, time_s: np.ndarray, position: np.ndarray) 
         row = int(bad[0])
         raise TrajectoryError(
             f"{path}: {name!r} jumps by {way[row]:.1f} m from {time_s[row]:g} to {time_s[row + 1]:g} s; road users "
-            f"move at {_FASTEST_MPS:g} m/s at most: mend the track, or give what follows another id"
+            f"move at {_FASTEST_MPS:g} m/s at most: correct the track, or give what follows another id"
         )
 
 

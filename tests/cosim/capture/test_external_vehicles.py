@@ -45,7 +45,7 @@ def test_without_external_vehicles_nothing_changes(vehicles: Path) -> None:
     assert Bridge(Ground(slope(0, 0)), 1, load_external(vehicles)).place(many).models == plain.models
 
 
-@pytest.mark.parametrize("text", ["- {file: nobody.glb, kind: car}", "- {file: x.glb, kind: car, tint: 3}"])
+@pytest.mark.parametrize("text", ["- {file: absent.glb, kind: car}", "- {file: x.glb, kind: car, tint: 3}"])
 def test_a_broken_folder_ends_the_run_with_a_line(
     tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

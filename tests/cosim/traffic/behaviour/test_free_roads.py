@@ -29,7 +29,7 @@ def roads(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stop = f'<stop lane="r{i}_0" endPos="{STOP_M}" duration="100000"/>'
         route = f'<route edges="r{i}"/>'
         cars += [
-            f'<vehicle id="stands{i}" type="car" depart="0" departPos="stop" departSpeed="0">{route}{stop}</vehicle>',
+            f'<vehicle id="stopped{i}" type="car" depart="0" departPos="stop" departSpeed="0">{route}{stop}</vehicle>',
             f'<vehicle id="drives{i}" type="car" depart="0" departPos="10" departSpeed="0">{route}</vehicle>',
         ]
     return write_scenario(folder, nodes, edges, [f'<vType id="car" {CAR} speedFactor="1"/>', *cars])
