@@ -107,7 +107,8 @@ def refit_with(
     assert group.basis is not None  # shared errors are not refitted
     share = fitter.settings.likelihood.reference_share if group.is_count else 0.0  # others start from no change
     dependence = Dependence(group.name, group.channel, group.basis, np.maximum(coefficients, 0) * share)
-    after = fit_again(model, fitted.effects, model.free, (*fitted.dependences, dependence), steps)
+    widened = group.family == "range"
+    after = fit_again(model, fitted.effects, model.free, (*fitted.dependences, dependence), steps, widened=widened)
     return replace(model, fitted=after), group
 
 
@@ -135,13 +136,19 @@ def refit_without(model: FittedModel, term: Term, initial: Sequence[Effect], ste
 
 
 def fit_again(
-    model: FittedModel, effects: tuple[Effect, ...], free: Sequence[int], dependences: Sequence[Dependence], steps: int
+    model: FittedModel,
+    effects: tuple[Effect, ...],
+    free: Sequence[int],
+    dependences: Sequence[Dependence],
+    steps: int,
+    *,
+    widened: bool = False,
 ) -> Fitted:
-    """Fit effects and dependences from where the random effects of a model are."""
+    """Fit effects and dependences from where the random effects of a model are; `widened` as in `Fitter.fit`."""
     fitter = model.fitter
     return fitter.fit(
         effects, all_free(effects, free, fitter.rings), model.fitted.estimate, steps=steps, roughly=True,
-        dependences=dependences, widened=False,
+        dependences=dependences, widened=widened,
     )  # fmt: skip
 
 

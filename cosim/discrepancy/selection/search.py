@@ -25,6 +25,7 @@ from sensors.effects.base import Effect
 _LOG = logging.getLogger(__name__)
 _ROUGH_STEPS, _STEPS = 4, 10
 _SAME_HZ = 1.0
+_LEAST_Z = 3.0  # standardised score of a dependence that turns beams above which it is refitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,10 +257,11 @@ def _choose(
         result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
     ]
     results = [result for result in evidence.results if result.group.name not in rejected]
-    shortlist = _shortlist(best, same_order, results, settings)
-    for family in FAMILIES[: FAMILIES.index(best.group.family)]:  # an error there also shows in later families
-        earlier = [result for result in same_order if result.group.family == family]
-        shortlist += _shortlist(earlier[0], earlier, results, settings) if earlier else []
+    shortlist: list[GroupTest] = []
+    for family in FAMILIES[: FAMILIES.index(best.group.family) + 1]:  # an error also shows in later families
+        of_family = [result for result in same_order if result.group.family == family]
+        shortlist += _shortlist(of_family, settings)
+    shortlist += _turned(best, results, shortlist)
     trials = []
     for result in shortlist:
         # Shape parameters of effects start far from their values.
@@ -340,39 +342,42 @@ def _first(candidates: Sequence[GroupTest]) -> GroupTest:
     return next((result for result in means if result.gain > 0.2 * best.gain), best)
 
 
-def _shortlist(
-    best: GroupTest, candidates: Sequence[GroupTest], results: Sequence[GroupTest], settings: Settings
-) -> list[GroupTest]:
-    """Groups that may be the same thing as the best one: of its family, with much of its gain, each kind once.
-
-    Turned beams are far from linear, so that the best of them are refitted whatever their linear gain.
-    """
-    by, family = settings.selection, best.group.family
-    near = [result for result in candidates if result.group.family == family]
-    picked = [result for result in near if result.gain >= by.rival_share * best.gain]
-    seen: set[tuple] = set()
-    shortlist: list[GroupTest] = []
-    for result in [best, *picked]:
-        key = _kind(result.group)
-        if key not in seen and len(shortlist) < by.rivals + 1:
-            seen.add(key)
-            shortlist.append(result)
+def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[GroupTest]:
+    """Groups of one family that may be the same thing as the best one: with much of its gain, each kind once."""
+    if not candidates:
+        return []
+    by, best = settings.selection, candidates[0]
+    picked = [result for result in candidates if result.gain >= by.rival_share * best.gain]
     named = [
         result
-        for result in near
+        for result in candidates
         if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain
     ]
-    turned = []
-    if family == "range" and best.group.channel != "range_variance" and best.group.order == 0:
-        systematic = [other for other in results if other.group.order == 0 and other.entry.z > 3]
-        for channel in ANGLES:
-            turned += [other for other in systematic if other.group.channel == channel][:3]
-    for result in [*named[:3], *turned]:
-        key = _kind(result.group)
-        if key not in seen:
-            seen.add(key)
-            shortlist.append(result)
-    return shortlist
+    shortlist = _each_kind_once(picked)[: by.rivals + 1]
+    return _each_kind_once([*shortlist, *named[:3]])
+
+
+def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
+    """Dependences that turn beams, whatever their linear gain: they are far from linear.
+
+    Beams that are turned far from where they were predicted look like returns of no surface.
+    """
+    if best.group.order or best.group.channel in SPREADS or best.group.family == "intensity":
+        return []
+    systematic = [other for other in results if other.group.order == 0 and other.entry.z > _LEAST_Z]
+    turned = [
+        result for channel in ANGLES for result in [other for other in systematic if other.group.channel == channel][:3]
+    ]
+    seen = {_kind(result.group) for result in shortlist}
+    return [result for result in _each_kind_once(turned) if _kind(result.group) not in seen]
+
+
+def _each_kind_once(results: Sequence[GroupTest]) -> list[GroupTest]:
+    """The first result of each kind."""
+    first: dict[tuple, GroupTest] = {}
+    for result in results:
+        first.setdefault(_kind(result.group), result)
+    return list(first.values())
 
 
 def _kind(group: Group) -> tuple:
