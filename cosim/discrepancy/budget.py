@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import stats
 
 from cosim.discrepancy.analysis import Context, FittedFrames, edge_tolerance, fit_random_effects
 from cosim.discrepancy.data.frames import TracedFrame
@@ -67,6 +68,18 @@ class HeldOut:
         if count < 2:
             return float("nan")
         return float(np.sqrt((share**2 @ (values - share @ values) ** 2) * count / (count - 1)))
+
+    def rises_to(self, after: HeldOut, share: float, level: float) -> bool:
+        """Whether the error of another model on the same frames is higher by more than a share, and significantly.
+
+        The test is Student's, one-sided, of the differences of the frames (paired).
+        """
+        used = np.isfinite(self.by_frame) & np.isfinite(after.by_frame)
+        rise, count = (after.by_frame - self.by_frame)[used], int(used.sum())
+        if count < 2 or rise.mean() <= share * self.by_frame[used].mean():
+            return False
+        standard_error = max(float(rise.std(ddof=1)) / np.sqrt(count), 1e-300)
+        return float(stats.t.sf(rise.mean() / standard_error, count - 1)) <= level
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,6 +348,10 @@ class Budget:
     def has_findings(self) -> bool:
         """Whether the final model has effects that are not in the initial one."""
         return len(self.steps) > 1
+
+    def is_raised(self, share: float, level: float) -> bool:
+        """Whether the findings raise the aligned error by more than a share, and significantly."""
+        return self.has_findings and self.aligned_steps[0].rises_to(self.aligned_steps[-1], share, level)
 
 
 def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, FramePairs]:

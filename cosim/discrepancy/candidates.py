@@ -46,15 +46,20 @@ def unknowns(kind: type[Effect]) -> tuple[Unknown, ...]:
     return tuple(parameters)
 
 
-def amplitudes(kind: type[Effect]) -> tuple[str, ...]:
+def switches(kind: type[Effect]) -> tuple[str, ...]:
     """Names of the parameters that switch an effect on: neutral at 0, or different in its example."""
-    neutral, shaped = kind.neutral or {}, {name for shape in kind.shapes for name in shape}
-    names = []
-    for unknown in unknowns(kind):
-        is_amplitude = np.all(np.equal(neutral[unknown.name], 0)) or neutral[unknown.name] != kind.example[unknown.name]
-        if is_amplitude and unknown.name not in shaped:
-            names.append(unknown.name)
-    return tuple(names)
+    neutral = kind.neutral or {}
+    return tuple(
+        unknown.name
+        for unknown in unknowns(kind)
+        if np.all(np.equal(neutral[unknown.name], 0)) or neutral[unknown.name] != kind.example[unknown.name]
+    )
+
+
+def amplitudes(kind: type[Effect]) -> tuple[str, ...]:
+    """The switches whose derivative is tested; values of others are tried one by one (`shapes`)."""
+    shaped = {name for shape in kind.shapes for name in shape}
+    return tuple(name for name in switches(kind) if name not in shaped)
 
 
 def weak_forms(kind: type[Effect]) -> Iterator[tuple[Effect, str, float]]:

@@ -16,7 +16,8 @@ from cosim.discrepancy.budget import AS_GIVEN, Budget, FramePairs, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
-from cosim.discrepancy.diagnose import convert_terms, select
+from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
+from cosim.discrepancy.diagnose import convert_terms, drop_insignificant, select
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
 from cosim.discrepancy.selection.refit import FittedModel
@@ -34,6 +35,7 @@ _RANGES_M = (0, 10, 20, 30, 45, 60, 80, 1000)
 _RING_BAND, _BANDS = 16, 4
 _FEWEST = 300
 _SHOWN = 12
+_WIRING_FRAMES = 3  # in which exchanged lasers are searched
 
 
 @dataclass(frozen=True)
@@ -286,6 +288,7 @@ def compare(
     tracer = FrameTracer(drive, model, settings)
     effects = in_order(model.effects)
     names = tuple(frames) if frames is not None else drive.frames
+    exchanged = _exclude_exchanged(tracer, names, effects)
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
     chosen = set(names[:: -(-len(names) // settings.most_aligned)]) if budget and names else set()
@@ -315,14 +318,25 @@ def compare(
         by_frame=by_frame,
         floor=NoiseFloor.of(floor),
         slices=tally.worst(),
-        notes=drive_notes(
-            drive, frames=total.frames, bad=total.bad, unmatched=total.unmatched, has_intensity=bool(total.lit)
+        notes=(
+            *exchange_notes(exchanged),
+            *drive_notes(
+                drive, frames=total.frames, bad=total.bad, unmatched=total.unmatched, has_intensity=bool(total.lit)
+            ),
         ),
         budget=made_of,
         scores=kept,
         frame_pairs=frame_pairs,
         settings=settings,
     )
+
+
+def _exclude_exchanged(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect]) -> tuple[Exchange, ...]:
+    """Find exchanged lasers in some frames; as in `diagnose`, their beams are left out of the comparison."""
+    chosen = names[:: max(-(-len(names) // _WIRING_FRAMES), 1)]
+    exchanged = exchanged_rings([tracer.trace(name, bending(effects)) for name in chosen]) if chosen else ()
+    tracer.exclude_rings([one.ring for one in exchanged])
+    return exchanged
 
 
 def _budget(
@@ -343,7 +357,8 @@ def _budget(
     own = with_rings(effects, model.pattern.rings)
     on = trace_and_fit(context, names, own, traced=tuple(frames))
     _, _, selected = select(context, FittedModel(on.frames, on.fitter, on.fitted))
-    selected, _, _ = convert_terms(context, selected)
+    selected, findings, _ = convert_terms(context, selected)
+    selected, _ = drop_insignificant(context, selected, findings)
     final = selected.fitted.effects
     on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)
     budget, frame_pairs = budget_of(context, on, [own] if final == own else [own, final])

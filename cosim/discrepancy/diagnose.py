@@ -24,9 +24,9 @@ from cosim.discrepancy.analysis import (
     trace_and_fit,
 )
 from cosim.discrepancy.budget import ALIGNED, Budget, FramePairs, budget_of
-from cosim.discrepancy.candidates import amplitudes
+from cosim.discrepancy.candidates import switches
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
-from cosim.discrepancy.data.wiring import Exchange, exchanged_rings
+from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.groups import Group
@@ -100,10 +100,20 @@ def diagnose(
     on, exchanged = check_wiring(context, fit_nuisances(context))
     on, facts = add_lattices(context, on)
     model = FittedModel(on.frames, on.fitter, on.fitted, _initially_free(context))
-    first, last, model = select(context, model)
-    model, findings, phases = convert_terms(context, model)
-    model, findings = drop_insignificant(context, model, findings)
-    return add_labels(conclude(context, model, (*facts, *findings), phases, exchanged, first, last), measured)
+    first, last, selected = select(context, model)
+    selected, findings, phases = convert_terms(context, selected)
+    selected, findings = drop_insignificant(context, selected, findings)
+    diagnosis = conclude(context, selected, (*facts, *findings), phases, exchanged, first, last)
+    if findings and _is_contradicted(diagnosis):
+        context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
+        diagnosis = conclude(context, model, facts, (), exchanged, first, first)
+    return add_labels(diagnosis, measured)
+
+
+def _is_contradicted(diagnosis: Diagnosis) -> bool:
+    """Whether the error of held-out frames rises with the findings, so that these cannot be the cause."""
+    by, budget = diagnosis.settings, diagnosis.budget
+    return budget is not None and budget.is_raised(by.at_floor, by.level)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
@@ -222,37 +232,45 @@ def _without_idle(
 def drop_insignificant(
     context: Context, model: FittedModel, findings: Sequence[_Finding]
 ) -> tuple[FittedModel, tuple[_Finding, ...]]:
-    """Drop effects of the catalogue of which every amplitude's interval includes doing nothing, and fit the rest."""
-    initial = len(context.initial_effects)
+    """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
+
+    No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
+    """
+    initial = context.initial_effects
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
     idle = {
         one.name
         for one in findings
         if one.unknown is None
         and one.interval is None
-        and _is_neutral(model, one.name, ci95.get(one.name, {}), initial)
+        and _is_unchanged(model, one.name, ci95.get(one.name, {}), initial)
     }
     if not idle:
         return model, tuple(findings)
-    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no effect")
+    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no change")
     names = {model.fitted.effects[index].name for index in model.free} - idle
-    effects = tuple(effect for effect in model.fitted.effects if effect.name not in idle)
+    effects = tuple(
+        effect if effect.name not in idle else initial[index]
+        for index, effect in enumerate(model.fitted.effects)
+        if effect.name not in idle or index < len(initial)
+    )
     free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
     fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
     return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
 
 
-def _is_neutral(model: FittedModel, name: str, ci95: dict[str, Any], initial: int) -> bool:
-    """Whether the intervals of all amplitudes of an added effect include their neutral values."""
+def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: Sequence[Effect]) -> bool:
+    """Whether the intervals of all parameters that switch an effect on include their neutral or given values."""
     index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
     kind = type(model.fitted.effects[index])
-    sizes = [parameter for parameter in amplitudes(kind) if parameter in ci95]
-    if index < initial or not sizes or kind.neutral is None:
+    sizes = [parameter for parameter in switches(kind) if parameter in ci95]
+    if not sizes or kind.neutral is None:
         return False
+    reference = initial[index].model_dump() if index < len(initial) else kind.neutral
     pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
-    neutral = {parameter: np.ravel(kind.neutral[parameter])[0] for parameter in sizes}
+    values = {parameter: np.ravel(np.asarray(reference[parameter], float)) for parameter in sizes}
     return all(
-        bool(np.all((pair[:, 0] <= neutral[parameter]) & (neutral[parameter] <= pair[:, 1])))
+        bool(np.all((pair[:, 0] <= values[parameter]) & (values[parameter] <= pair[:, 1])))
         for parameter, pair in pairs.items()
     )
 
@@ -297,7 +315,7 @@ def conclude(
         sensor=SensorModel(context.sensor.pattern, as_known(fitted.effects), context.sensor.origin),
         split=context.split,
         spreads=_spreads(on),
-        notes=(*_wiring_notes(exchanged), *_notes(context, on)),
+        notes=(*exchange_notes(exchanged), *_notes(context, on)),
         frame_pairs=frame_pairs,
         needed=needed,
         settings=context.settings,
@@ -433,14 +451,6 @@ def _spreads(on: FittedFrames) -> dict[str, float]:
         "map_albedo": float(np.max(random.spread(estimate, "albedo_of_map"), initial=0.0)),
     }
     return {name: value for name, value in spreads.items() if value > 0}
-
-
-def _wiring_notes(exchanged: Sequence[Exchange]) -> list[str]:
-    return [
-        f"ring {one.ring} is probably exchanged with ring {one.agrees_with}: {one.other:.0%} of its returns agree with "
-        f"the trace of that ring and {one.own:.0%} with its own; its beams were left out"
-        for one in exchanged
-    ]
 
 
 def _notes(context: Context, on: FittedFrames) -> tuple[str, ...]:

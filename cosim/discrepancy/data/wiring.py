@@ -72,3 +72,12 @@ def exchanged_rings(frames: Sequence[TracedFrame]) -> tuple[Exchange, ...]:
         and known[ring]
         and share[ring, ring] < _OWN < _OTHER < share[ring, other]
     )
+
+
+def exchange_notes(exchanged: Sequence[Exchange]) -> list[str]:
+    """A sentence on each exchanged ring."""
+    return [
+        f"ring {one.ring} is probably exchanged with ring {one.agrees_with}: {one.other:.0%} of its returns agree with "
+        f"the trace of that ring and {one.own:.0%} with its own; its beams were left out"
+        for one in exchanged
+    ]

@@ -201,7 +201,8 @@ def _bootstrap_intervals(
     for unknown in columns:
         name, value = unknown.name, float(getattr(effects[index], unknown.name))
         interval, factor = bootstrap[name], widenings.get(name, 1.0)
-        sampling_error = effects[index].sampled_to.get(name, 0.0) * abs(value)
+        # `sampled_to` is a standard error; the interval needs its quantile.
+        sampling_error = float(stats.norm.ppf(fitter.settings.upper)) * effects[index].sampled_to.get(name, 0.0) * value
         low, high = (
             value - np.hypot((value - interval.low) * factor, sampling_error),
             value + np.hypot((interval.high - value) * factor, sampling_error),
