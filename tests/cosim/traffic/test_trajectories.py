@@ -296,7 +296,9 @@ def test_bad_input_ends_in_one_line(recorded, hamlet_config, tmp_path):
     assert "columns are missing" in refused(*run, "--trajectories", tmp_path / "a.csv")
     assert "no traffic" in refused("run", "--out", tmp_path / "d", "--town", next(town.glob("*.net.xml")))
     (tmp_path / "c.yaml").write_text(f"town: {town}\ntrajectories: {recorded}\nego: unknown_car\n")
-    assert "ego 'unknown_car' is not in the trajectories" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
+    assert "ego 'unknown_car' is not in the trajectories" in refused(
+        "run", tmp_path / "c.yaml", "--out", tmp_path / "d"
+    )
     still = "".join(step(0.2 * k, x=-20, y=0, speed=0) for k in range(9))
     assert "no vehicle of the trajectories moves" in refused(*run, "--trajectories", fcd(tmp_path, still))
     with pytest.raises(ValueError, match="give `trajectories`"):
