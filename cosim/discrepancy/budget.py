@@ -172,7 +172,7 @@ class Aligned:
         return len(self._frames)
 
     @property
-    def blurring(self) -> tuple[str, ...]:
+    def uncertain_sources(self) -> tuple[str, ...]:
         """Sources that make the positions of edges uncertain."""
         kinds = {"poses": ("poses",), "objects": ("objects", "objects_by_scan")}
         return tuple(
@@ -387,8 +387,8 @@ def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect,
         reverse = first.error(Removed(PARTS[index + 1 :])) - first.error(Removed(PARTS[index:]))
         parts[name] = 0.5 * (then + reverse)
     at_uncertain_edges = last.error(forward[-1]) - error_aligned
-    for name in last.blurring:
-        parts[name] += at_uncertain_edges / len(last.blurring)
+    for name in last.uncertain_sources:
+        parts[name] += at_uncertain_edges / len(last.uncertain_sources)
     parts["missing"] = 0.5 * sum(first.error(which) - last.error(which) for which in (AS_GIVEN, forward[-1]))
     parts["unexplained"] = error_aligned - noise
     steps, aligned_steps = (tuple(model.held_out(which) for model in aligned_models) for which in (AS_GIVEN, ALIGNED))

@@ -288,14 +288,14 @@ def compare(
     tracer = FrameTracer(drive, model, settings)
     effects = in_order(model.effects)
     names = tuple(frames) if frames is not None else drive.frames
-    exchanged = _exclude_exchanged(tracer, names, effects)
+    exchanged, early = _exclude_exchanged(tracer, names, effects)
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
     chosen = set(names[:: -(-len(names) // settings.most_aligned)]) if budget and names else set()
     aligned: list[TracedFrame] = []
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
-        traced = tracer.trace(name, bending(effects))
+        traced = early.pop(name, None) or tracer.trace(name, bending(effects))
         if number == 0:
             check_fit(traced, drive)
         scores = score_frame(traced, effects, model_chance(seed, number), model.origin)
@@ -331,12 +331,19 @@ def compare(
     )
 
 
-def _exclude_exchanged(tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect]) -> tuple[Exchange, ...]:
-    """Find exchanged lasers in some frames; as in `diagnose`, their beams are left out of the comparison."""
+def _exclude_exchanged(
+    tracer: FrameTracer, names: Sequence[str], effects: Sequence[Effect]
+) -> tuple[tuple[Exchange, ...], dict[str, TracedFrame]]:
+    """Find exchanged lasers in some frames; as in `diagnose`, their beams are left out of the comparison.
+
+    Returns:
+        Exchanged lasers; and, by name, the frames traced for this, where they can be used as they are.
+    """
     chosen = names[:: max(-(-len(names) // _WIRING_FRAMES), 1)]
-    exchanged = exchanged_rings([tracer.trace(name, bending(effects)) for name in chosen]) if chosen else ()
+    traced = {name: tracer.trace(name, bending(effects)) for name in chosen}
+    exchanged = exchanged_rings(list(traced.values())) if traced else ()
     tracer.exclude_rings([one.ring for one in exchanged])
-    return exchanged
+    return exchanged, {} if exchanged else traced
 
 
 def _budget(
