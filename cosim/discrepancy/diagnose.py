@@ -112,8 +112,7 @@ def diagnose(
 
 def _is_contradicted(diagnosis: Diagnosis) -> bool:
     """Whether the error of held-out frames rises with the findings, so that these cannot be the cause."""
-    by, budget = diagnosis.settings, diagnosis.budget
-    return budget is not None and budget.is_raised(by.at_floor, by.level)
+    return diagnosis.budget.is_raised(diagnosis.settings.at_floor, diagnosis.settings.level)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:

@@ -260,7 +260,7 @@ def _choose(
     shortlist: list[GroupTest] = []
     for family in FAMILIES[: FAMILIES.index(best.group.family) + 1]:  # an error also shows in later families
         of_family = [result for result in same_order if result.group.family == family]
-        shortlist += _shortlist(of_family, settings)
+        shortlist += _shortlist(sorted(of_family, key=lambda result: result is not best), settings)
     shortlist += _turned(best, results, shortlist)
     trials = []
     for result in shortlist:
@@ -343,10 +343,10 @@ def _first(candidates: Sequence[GroupTest]) -> GroupTest:
 
 
 def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[GroupTest]:
-    """Groups of one family that may be the same thing as the best one: with much of its gain, each kind once."""
+    """Groups of one family that may be the same thing as the first one: with much of its gain, each kind once."""
     if not candidates:
         return []
-    by, best = settings.selection, candidates[0]
+    by, best = settings.selection, candidates[0]  # the best mean, where a spread gains more
     picked = [result for result in candidates if result.gain >= by.rival_share * best.gain]
     named = [
         result
