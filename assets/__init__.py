@@ -1,4 +1,4 @@
-"""What things look like: materials, parametric models, the static world."""
+"""Appearance: materials, parametric models, the static world."""
 
 from assets.materials import MATERIALS, Material
 from assets.mesh import Mesh

@@ -82,7 +82,7 @@ def _cached(
 
 @cache
 def _folder(package: str, where: str | None) -> Path | None:
-    """Where results of a package's functions are kept; none if nowhere."""
+    """Return the folder of cached results of a package's functions; None without a cache."""
     from platformdirs import user_cache_path
 
     if where == "":
@@ -101,7 +101,7 @@ def _folder(package: str, where: str | None) -> Path | None:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """As a whole or not at all: other processes may read and write the same."""
+    """Write atomically, because other processes may read and write the same file."""
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
     try:
         partial.write_bytes(content)
@@ -122,7 +122,7 @@ def _remove_all_but(folder: Path, pattern: str, most: int) -> None:
 
 
 def _digest(package: str) -> str:
-    """Of everything that results depend on but the arguments."""
+    """Digest of everything that results depend on except the arguments."""
     here = Path(__file__).resolve().parent
     digest = hashlib.sha256()
     for name in sorted({here.name, package}):

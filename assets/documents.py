@@ -61,7 +61,7 @@ def _check_size(text: str) -> None:
 
 
 def _weigh(node: yaml.Node, depth: int, known: dict[int, int]) -> int:
-    """How many values a node holds once its aliases are spelt out."""
+    """Number of values in a node after its aliases are expanded."""
     if depth > _DEEPEST:
         raise DocumentError(f"nested deeper than {_DEEPEST} levels, or an alias holds itself")
     if id(node) not in known:

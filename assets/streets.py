@@ -65,7 +65,7 @@ class ParkingBay:
 
 @dataclass(frozen=True)
 class StopLine:
-    """Where a lane meets a junction that controls it.
+    """End of a lane at a junction that controls it.
 
     Attributes:
         lane: SUMO lane id.

@@ -1,1 +1,1 @@
-"""How the world is measured: scene, ray tracing, beam patterns, LiDAR and cameras."""
+"""Sensor simulation: scene, ray tracing, beam patterns, LiDAR and cameras."""

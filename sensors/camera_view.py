@@ -1,4 +1,4 @@
-"""What a camera saw at the pose time, for effects that take their light from it."""
+"""The camera image at the pose time, for effects that derive intensities from it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CameraView:
         return projected[:, 0] / safe, projected[:, 1] / safe, depth
 
     def visible(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which points the camera sees, and in which pixel.
+        """Points that the camera sees, and their pixels.
 
         A point is seen where one of the four pixels around its projection has its depth, within 0.15 m + 2 %.
 

@@ -1,4 +1,4 @@
-"""What the beams met: the first solid surface, and the pane of glass in front of it."""
+"""Surfaces hit by the beams: the first solid surface, and the pane of glass in front of it."""
 
 from __future__ import annotations
 

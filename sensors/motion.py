@@ -1,4 +1,4 @@
-"""How the ego vehicle and everything else move while a revolution is taken.
+"""Motion of the ego vehicle and of all objects during a revolution.
 
 p(t) = p0 + v·t and R(t) = Rz(ω·t)·R0 in world axes, t from the pose time.
 """

@@ -1,4 +1,4 @@
-"""Where a sensor sits, and the way it looks from there."""
+"""Position and orientation of a sensor on its vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a LiDAR reports."""
+"""Point clouds as a LiDAR reports them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PointCloud:
         return len(self.xyz)
 
     def in_file_order(self) -> PointCloud:
-        """The same points in the order of KITTI's files: by laser from the top, counter-clockwise from straight ahead.
+        """Sort the points as in KITTI's files: by laser from the top, counter-clockwise from straight ahead.
 
         Tools that recover lasers from the wrap of the azimuth, as LeGO-LOAM does, rely on it.
         """

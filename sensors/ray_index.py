@@ -1,4 +1,4 @@
-"""Which rays can meet a box: an angular grid over the directions of a sensor's rays."""
+"""Index of the rays that can hit a box: an angular grid over the directions of a sensor's rays."""
 
 from __future__ import annotations
 

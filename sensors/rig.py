@@ -110,7 +110,7 @@ class RigCamera(BaseModel):
 
 
 class Rig(BaseModel):
-    """What carries which sensors."""
+    """Sensors and their mounting positions on a vehicle."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

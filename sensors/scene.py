@@ -15,7 +15,7 @@ from sensors.bvh import Bvh
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """Everything that can move, at one instant: a struct of arrays.
+    """All movable objects at one instant, as a struct of arrays.
 
     Attributes:
         ids: n identifiers.

@@ -86,7 +86,7 @@ class SensorModel:
         camera: CameraView | None = None,
         frame_time_s: float = 0.0,
     ) -> tuple[Returns, Shot]:
-        """What `measure` makes points of, with the beam of each return."""
+        """The returns that `measure` converts to points, with the beam of each."""
         new = [effect.name for effect in self.effects if effect.needs_new_rays]
         if new:
             raise SensorError(f"sensor {self.origin}: {', '.join(new)} cannot be made from stored hits; trace again")
@@ -130,7 +130,7 @@ class SensorModel:
         camera: CameraView | None = None,
         frame_time_s: float = 0.0,
     ) -> tuple[Returns, Shot]:
-        """What `trace_and_measure` makes points of, with the beam of each return."""
+        """The returns that `trace_and_measure` converts to points, with the beam of each."""
         given = _given(rng)
         shot = self.trace(scene, pose, instances, ego, deepcopy(given), camera, frame_time_s)
         return self.answer(shot, given), shot
@@ -183,7 +183,7 @@ class SensorModel:
 
     @property
     def beam_effects(self) -> tuple[BeamEffect, ...]:
-        """What decides, with the pattern, which way beams leave; in the order of their phases."""
+        """The effects that change the directions of the beams, in the order of their phases."""
         return tuple(effect for effect in self._ordered if isinstance(effect, BeamEffect))
 
     def to_yaml(self) -> str:

@@ -1,4 +1,4 @@
-"""What effects may know of one revolution beyond the returns themselves."""
+"""Data of one revolution for effects, in addition to the returns."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Shot:
         self._cache: dict[str, Any] = {} if cache is None else cache
 
     def kept(self, name: str, make: Callable[[], _T]) -> _T:
-        """What an effect worked out of this revolution before, or makes now; only the latest few are kept."""
+        """Return a cached result of an effect for this revolution, or compute it; only the latest few are kept."""
         if name not in self._kept:
             self._kept[name] = make()
             for oldest in list(self._kept)[:-_KEPT]:
@@ -77,14 +77,14 @@ class Shot:
         return self._kept[name]
 
     def lasting(self, name: str, make: Callable[[], _T]) -> _T:
-        """What an effect worked out before of these beams, however they were bent, or makes now."""
+        """Return a cached result of an effect for these beams, however they were deflected, or compute it."""
         if name not in self._cache:
             self._cache[name] = make()
         return self._cache[name]
 
     @property
     def hits(self) -> Hits:
-        """What the beams met."""
+        """Surfaces that the beams hit."""
         return self._traced.hits
 
     @cached_property
@@ -132,7 +132,7 @@ class Shot:
         return np.where(returns.instance == NOTHING, np.float32(1), np.minimum(np.abs(cos), np.float32(1)))
 
     def points_in_world(self, returns: Returns) -> np.ndarray:
-        """Where the beams met their surfaces, (m, 3) float64 world axes, before range errors."""
+        """Points (m, 3) float64 at which the beams hit their surfaces, world axes, before range errors."""
         origin, direction = self._traced.origin[returns.beam], self._traced.direction[returns.beam]
         return origin + direction * returns.range_m.astype(np.float64)[:, None]
 

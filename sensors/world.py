@@ -20,7 +20,7 @@ from sensors.tracing import Tracer
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """What the beams of a revolution met and how they really left.
+    """Hits of the beams of a revolution, with their true origins, directions and times.
 
     Attributes:
         hits: surfaces by beam.

@@ -1,4 +1,4 @@
-"""Where traffic runs: town recipes, their built SUMO files and the builder."""
+"""Road networks: town recipes, the SUMO files built from them, and the builder."""
 
 from sumo_nets.builder import build_town
 from sumo_nets.demand_config import DemandConfig

@@ -1,4 +1,4 @@
-"""Whether everyone can get everywhere: a town in pieces would strand its traffic."""
+"""Check that a network is connected, because traffic cannot leave an isolated part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many road users of which kinds an episode has: distributions to draw a demand from."""
+"""Distributions of the number and kinds of road users, from which the demand of an episode is drawn."""
 
 from __future__ import annotations
 

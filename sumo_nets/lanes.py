@@ -1,4 +1,4 @@
-"""What sumolib's lanes say, in plain terms."""
+"""Properties of sumolib's lanes: shape, width and permitted use."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ LOCAL_PRIORITY, MAIN_PRIORITY, CIRCLE_PRIORITY, RAMP_PRIORITY, FAST_PRIORITY = 1
 
 @dataclass(frozen=True)
 class Road:
-    """How a street is cut across, one direction of it.
+    """Cross section of one direction of a street.
 
     Attributes:
         lanes: driving lanes.

@@ -1,4 +1,4 @@
-"""What a town is made from: the recipe a builder turns into SUMO files."""
+"""Recipes of towns, from which the builder makes SUMO files."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class RingRoadLayout(_Part):
 
 
 class Relief(_Part):
-    """How the ground rises and falls."""
+    """Relief of the ground."""
 
     range_m: float = Field(default=7.0, ge=0, le=200, description="lowest to highest point of the town")
     waves: int = Field(default=5, ge=1, le=20, description="sinusoids summed")
@@ -101,7 +101,7 @@ class Relief(_Part):
 
 
 class StreetRules(_Part):
-    """How the streets are cut and dressed."""
+    """Cross sections and furniture of the streets."""
 
     dropped: Share = Field(default=0.25, description="share of the layout's streets left out")
     bend_m: float = Field(default=6.0, ge=0, le=30, description="largest sideways bow of a local street")
@@ -150,7 +150,7 @@ class KindShares(_Part):
 
 
 class Demand(_Part):
-    """Who is about."""
+    """Road users and their numbers."""
 
     driving: int = Field(default=100, ge=0, le=5000, description="vehicles on the move, bicycles among them")
     parked: int = Field(default=160, ge=0, le=5000, description="vehicles parked for the whole time")
@@ -161,7 +161,7 @@ class Demand(_Part):
 
 
 class Recipe(_Part):
-    """All that makes a town. The same recipe gives the same files, byte for byte."""
+    """Complete definition of a town. Equal recipes give the same files, byte for byte."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", description="the town's name, and its files' stem")
     style: TownStyle = Field(default="suburb", description="what the buildings and greens look like")

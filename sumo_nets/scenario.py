@@ -48,7 +48,7 @@ class Scenario:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What its owner should know, a line each."""
+        """Notes for the user, one line each."""
         return (
             f"{self.config}: left out, as it writes, listens or is of no use here: {summary([*self.left_out])}",
         ) * bool(self.left_out)

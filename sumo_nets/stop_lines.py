@@ -1,4 +1,4 @@
-"""Where vehicles wait: the ends of lanes at junctions that hold them."""
+"""Stop lines: ends of lanes at controlled junctions."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _read_streets_only(path: Path) -> Town:
 
 
 def built_in_folder(name: str) -> Path:
-    """Where the files of a built-in town are."""
+    """Return the folder of a built-in town."""
     return _BUILT / name
 
 

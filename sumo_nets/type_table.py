@@ -1,4 +1,4 @@
-"""Which vehicle types a town has, and drawing from them."""
+"""Vehicle types of a town, and random draws from them."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import numpy as np
 
 
 class VehicleModel(Protocol):
-    """What this module reads of a catalogue entry (`assets.models.catalogue.ModelSpec`)."""
+    """The fields that this module reads of a catalogue entry (`assets.models.catalogue.ModelSpec`)."""
 
     @property
     def kind(self) -> str: ...  # noqa: D102

@@ -230,7 +230,7 @@ def _richest(drive: Drive) -> str:
 
 
 def _front_half(image: np.ndarray) -> np.ndarray:
-    """What lies ahead in a range image of all azimuths, without what is written below it."""
+    """Crop a range image of all azimuths to the front half, without its caption."""
     width = image.shape[1]
     return image[MARGIN_PX : MARGIN_PX + RINGS * RING_PX, width // 4 : width - width // 4]
 

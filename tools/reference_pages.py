@@ -47,7 +47,7 @@ def subcommands(parser: argparse.ArgumentParser) -> Iterable[tuple[str, str, arg
 
 
 def arguments(command: argparse.ArgumentParser) -> list[argparse.Action]:
-    """What a command takes, but for `--help`."""
+    """Arguments of a command except `--help`."""
     return [action for action in command._actions if not isinstance(action, argparse._HelpAction)]
 
 

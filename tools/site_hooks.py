@@ -1,4 +1,4 @@
-"""What mkdocs does beyond its plugins: reference pages from code, the changelog as a page, formulas as MathML."""
+"""mkdocs hooks: reference pages from code, the changelog as a page, formulas as MathML."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def on_post_page(output: str, *, page: Any, **_: Any) -> str:
 
 
 def on_post_template(output_content: str, **_: Any) -> str:
-    """The same of the page for addresses that do not exist."""
+    """Adapt the page for addresses that do not exist."""
     return _FETCHED.sub("", output_content)
 
 

@@ -53,7 +53,7 @@ class ExternalModels:
 
 
 def stretch(spec: ModelSpec, size_m: np.ndarray) -> float:
-    """How much the side of a model that changes most must change to reach a size: |ln(size / own)|."""
+    """Largest relative change of a side that makes a model fit a size: |ln(size / own)|."""
     return float(np.abs(np.log(np.divide(size_m, spec.size_m))).max())
 
 

@@ -35,7 +35,7 @@ class MeshPart:
 
 @dataclass(frozen=True, eq=False)
 class MeshFile:
-    """What a file holds.
+    """Contents of a mesh file.
 
     Attributes:
         parts: at least one, all with faces.

@@ -21,7 +21,7 @@ _HEAD_LOW, _HEAD_HIGH = np.array([0.40, 0.0, 0.72]), np.array([0.355, 0.0, 0.90]
 
 @dataclass(frozen=True)
 class _Ride:
-    """How a bicycle is built and ridden: hands, lean of the rider, crank angle and clothing."""
+    """Shape of a bicycle and posture of its rider: hands, lean of the rider, crank angle and clothing."""
 
     hands: Vector
     neck: Vector

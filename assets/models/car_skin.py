@@ -32,7 +32,7 @@ def car_skin(spec: ModelSpec, style: BodyStyle, lines: CarLines) -> HalfShell:
 
 
 def _flank_inset(lines: CarLines, share: np.ndarray) -> np.ndarray:
-    """How far the flank lies inside the plan outline; `share` (c, k) of the way from underbody to belt."""
+    """Distance of the flank inside the plan outline; `share` (c, k) of the way from underbody to belt."""
     facing = np.abs(lines.normal[:, :1])
     tuck = 0.045 + 0.02 * facing
     roll = np.where(lines.normal[:, :1] > 0, 0.045 + 0.055 * facing, 0.045 + 0.02 * facing)

@@ -131,7 +131,7 @@ def decks_mesh(decks: tuple[Deck, ...], ground: Heights, below: Geometry) -> tup
 
 
 def _passing_over(samples: _Samples) -> np.ndarray:
-    """Which samples (n,) lie above another lane."""
+    """(n,) bool samples that lie above another lane."""
     z = samples.point[:, 2]
     over = np.zeros(len(z), bool)
     if np.ptp(z) < _CLEARANCE_M:

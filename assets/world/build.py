@@ -31,7 +31,7 @@ from assets.world.terrain import terrain_materials
 
 @dataclass(frozen=True, eq=False)
 class BuiltWorld:
-    """Everything in a town that does not move; world axes (x east, y north, z up), metres.
+    """The static part of a town; world axes (x east, y north, z up), metres.
 
     Leaves, panes and pickets are single sheets: trace and draw them from both sides.
 

@@ -98,7 +98,7 @@ def _set_back(
 def _open(
     knots: np.ndarray, inward: np.ndarray, footprints: STRtree, standing: STRtree, keep_open: Geometry
 ) -> np.ndarray:
-    """Which pieces (k − 1,) between the knots close a front that is open."""
+    """(k − 1,) bool pieces between the knots that close an open front."""
     pieces = shapely.linestrings(np.stack([knots[:-1], knots[1:]], axis=1))
     middle, away = (knots[:-1] + knots[1:]) / 2, (inward[:-1] + inward[1:]) / 2
     length = np.linalg.norm(knots[1:] - knots[:-1], axis=1)

@@ -1,4 +1,4 @@
-"""What leads to a front door: the garden path and the step."""
+"""Garden path and step in front of a door."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What differs between two visits to the same town: how densely it is built, planted and furnished."""
+"""Properties that differ between episodes in the same town: density of buildings, plants and street furniture."""
 
 from __future__ import annotations
 

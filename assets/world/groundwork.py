@@ -1,4 +1,4 @@
-"""What all worlds of a town have in common: the shape of the land, its roads and kerbs. It takes longest to make."""
+"""The part that all worlds of a town share: terrain, roads and kerbs. It takes longest to build."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MARGIN_M = 120.0  # land beyond the streets
 
 @dataclass(frozen=True, eq=False)
 class Groundwork:
-    """Everything in a town's worlds that no seed changes; world axes, metres.
+    """The part of a town's worlds that does not depend on the seed; world axes, metres.
 
     Attributes:
         streets: the network, without what bridges carry.

@@ -23,7 +23,7 @@ _RAMP_M = (0.2, 1.4)  # distances from a crossing between which the kerb rises t
 
 @dataclass(frozen=True, eq=False)
 class TerrainRelief:
-    """How high each zone lies over the common sheet.
+    """Height of each zone above the common surface.
 
     Attributes:
         height: the sheet H, (n, 2) → (n,), metres; the carriageway lies on it.

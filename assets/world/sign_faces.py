@@ -1,4 +1,4 @@
-"""What traffic signs show: coloured sheets one before the other, as their printed faces look."""
+"""Faces of traffic signs: coloured sheets in front of each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What towns look like: ranges from which plots, houses and greenery are drawn, one row a style."""
+"""Styles of towns: ranges from which plots, houses and vegetation are drawn, one row per style."""
 
 from __future__ import annotations
 

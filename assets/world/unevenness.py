@@ -1,4 +1,4 @@
-"""What makes ground no plane: roads fall to their gutters, subsoil settles, slabs and verges lie as they like.
+"""Unevenness of the ground: cross slope of roads, settled subsoil, irregular slabs and verges.
 
 Heights about the smooth surface are a sum of octaves, each a random B-spline of its own spacing. As on real ground,
 second differences of height along a line grow nearly with their lag (of roads: ISO 8608). How much of it each zone has

@@ -43,13 +43,13 @@ def opened(options: argparse.Namespace, path: Path) -> Recording:
 
 
 def point_options(options: argparse.Namespace) -> dict[str, Any]:
-    """What the command line states about point files; None of what it does not."""
+    """Statements of the command line about point files; None for what it does not state."""
     names = ("columns", "intensity_scale", "axes", "metres")
     return {name: getattr(options, name) for name in names} | {"flip_y": options.flip_y or None}
 
 
 def add_points(parser: argparse.ArgumentParser) -> None:
-    """What the numbers of point files mean, where they do not decide it themselves."""
+    """Add options that state the meaning of numbers in point files where the files do not show it."""
     parser.add_argument(
         "--columns", metavar="NAMES", help="meaning of each column of the scans, as x,y,z,intensity,_ (_: not used)"
     )

@@ -30,7 +30,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What stays the same throughout an analysis.
+    """Inputs and settings that stay the same throughout an analysis.
 
     Attributes:
         sensor: model as given.

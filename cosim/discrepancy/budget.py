@@ -28,7 +28,7 @@ PARTS = ("poses", "objects", "map")
 
 @dataclass(frozen=True)
 class Removed:
-    """What is removed from an error.
+    """Sources of error that are removed.
 
     Attributes:
         parts: sources whose random effects are removed.
@@ -105,7 +105,7 @@ class AlignedFrame:
 
 @dataclass(frozen=True, eq=False)
 class FramePairs:
-    """The same frames under two models or alignments, in the same order.
+    """Scores of the same frames under two models or alignments, in the same order.
 
     Attributes:
         before, after: frames under the first and the second model.

@@ -1,4 +1,4 @@
-"""How far a sensor model is from measurements, and where."""
+"""Error of a sensor model against measurements, and where it is largest."""
 
 from __future__ import annotations
 
@@ -196,13 +196,13 @@ class Comparison:
 
     @property
     def excess(self) -> dict[str, float]:
-        """How far each channel lies above its floor, in units of its scale, the farthest first."""
+        """Excess of each channel above its floor, in units of its scale, largest first."""
         parts, floor = self.totals.parts(), self.floor.parts if self.floor else {}
         above = {name: max(parts[name] - floor.get(name, 0.0), 0.0) / SCALES[name] for name in parts}
         return dict(sorted(above.items(), key=lambda item: -item[1]))
 
     def to_json(self) -> dict[str, Any]:
-        """What `cosim compare --json` writes."""
+        """Contents of the file of `cosim compare --json`."""
         t = self.totals
         matched, lit = max(t.matched, 1), max(t.lit, 1)
         precision = t.hit_drops / t.foreseen_drops if t.foreseen_drops > 0 else 0.0

@@ -218,7 +218,7 @@ class Diagnosis:
         return [placed[row] if row in placed else next(others, "") for row in range(count)]
 
     def to_json(self) -> dict[str, Any]:
-        """What `cosim diagnose --json` writes."""
+        """Contents of the file of `cosim diagnose --json`."""
         words = Vocabulary([type(effect) for effect in self.sensor.effects])
         return {
             "verdict": self.verdict,

@@ -114,7 +114,7 @@ _MEASURED = {"range": ("range", "m"), "intensity": ("intensity", ""), "lost": ("
 
 
 def shown(name: str) -> QuantityStyle:
-    """How a covariate is displayed."""
+    """Style in which a covariate is displayed."""
     if name in SHOWN:
         return SHOWN[name]
     side, _, what = name.partition("_")

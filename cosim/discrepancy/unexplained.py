@@ -1,4 +1,4 @@
-"""What remains significant about the final model."""
+"""Dependences that are still significant about the final model."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Unexplained:
 
 
 def remaining(evidence: SelectionEvidence, model: FittedModel, settings: Settings) -> tuple[Unexplained, ...]:
-    """Everything that is still significant, and more than what the fit of the findings is exact to; by gain.
+    """Dependences that are still significant and larger than the numerical accuracy of the fit, by gain.
 
     Args:
         evidence: about the final model.

@@ -26,7 +26,7 @@ class CheckError(CosimError):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What a check found.
+    """Result of a check.
 
     Attributes:
         folder: the drive.

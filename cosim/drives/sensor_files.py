@@ -46,7 +46,7 @@ def write_sensor(sensor: SensorModel, path: Path, plugins: Mapping[str, tuple[st
 
 
 def _write_pattern(pattern: Pattern, path: Path) -> str:
-    """What the sensor file calls its pattern, which is written if need be."""
+    """Write the pattern if necessary, and return the name by which the sensor file refers to it."""
     default = path.parent / "pattern.yaml"
     taken = default.is_file() and not _is(pattern, default)
     if pattern.name in pattern_names() and load_pattern(pattern.name) == pattern and not taken:

@@ -177,7 +177,7 @@ class DriveWriter:
                     self.write(MANIFEST, whole)
 
     def entries(self) -> list[dict]:
-        """What the manifest holds, frames and remarks, but for a last line that is not whole (yet).
+        """Entries of the manifest, frames and remarks, without an incomplete last line.
 
         Raises:
             OutputError: a line is damaged.
@@ -260,7 +260,7 @@ class DriveWriter:
 
 
 def partial_of(path: Path) -> Path:
-    """What a file is called while this process writes it; whatever is left of such files is cleared away."""
+    """Temporary name of a file while this process writes it; remaining files of this kind are deleted."""
     return path.with_name(f".{path.name}.{_HOST}-{os.getpid()}{_TEMPORARY_SUFFIX}")
 
 

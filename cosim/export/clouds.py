@@ -61,7 +61,7 @@ def export_las(drive: Drive, folder: Path, on_frame: Callable[[], None]) -> dict
 
 
 def _returns_of_beam(ring: np.ndarray, time_s: np.ndarray) -> np.ndarray:
-    """How many points came of each point's beam (n,) uint8."""
+    """(n,) uint8 number of returns of each point's beam."""
     beams = np.stack([ring.astype(np.float64), time_s.astype(np.float64)], 1)
     _, which, count = np.unique(beams, axis=0, return_inverse=True, return_counts=True)
     return np.minimum(count[which.reshape(-1)], 15).astype(np.uint8)

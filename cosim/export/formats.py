@@ -1,4 +1,4 @@
-"""Which formats there are, and writing one of them."""
+"""Export formats, and a function that writes one of them."""
 
 from __future__ import annotations
 

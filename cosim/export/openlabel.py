@@ -90,7 +90,7 @@ def _cuboids(frame: Frame) -> list[tuple[list[float], int]]:
 
 
 def _properties(drive: Drive, frame: Frame, world: WorldPoses) -> dict[str, Any]:
-    """When a frame was taken, where its vehicle was, and which files belong to it."""
+    """Time of a frame, pose of its vehicle, and its files."""
     pose = world.of(frame, frame.twin.ego.pose)
     streams = {
         name: {"uri": str(seen.path("velodyne").relative_to(drive.base))}

@@ -53,7 +53,7 @@ class LaserTable:
 
 
 def laser_table(sensor: SensorModel) -> LaserTable:
-    """What a sensor file says of each laser."""
+    """Properties of each laser according to a sensor file."""
     pattern = sensor.pattern
     even = pattern.model_copy(update={"firings": _AZIMUTHS, "azimuth_offset_deg": (0.0,) * pattern.rings})
     rays = even.rays()

@@ -185,7 +185,7 @@ def point_instances(frame: Frame, margin_m: float = 0.1) -> np.ndarray:
 
 
 class ExportedTracks:
-    """Whole numbers for ids, in order of appearance, from 0."""
+    """Integer ids, in order of appearance, from 0."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}

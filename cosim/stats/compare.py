@@ -16,7 +16,7 @@ DIRECTIONS = 16
 
 @dataclass(frozen=True)
 class Distance:
-    """How far apart two sets are in one quantity.
+    """Distance of two sets in one quantity.
 
     Attributes:
         key, title, unit: of the quantity; unit of `wasserstein`, `low`, `high`, `chance`, `floor`.

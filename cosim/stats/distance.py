@@ -1,4 +1,4 @@
-"""How far apart two samples are, with an interval and a chance level from bootstrap samples of whole frames.
+"""Distance of two samples, with an interval and a chance level from bootstrap samples of whole frames.
 
 Objects and points of a frame are not independent of each other, so frames are what is drawn, never objects.
 """

@@ -1,4 +1,4 @@
-"""Where cars are, as pictures: density from above and from the side, and the difference of two sets."""
+"""Heat maps of car positions: density from above and from the side, and the difference of two sets."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ class LabelledObjects:
 
 
 def difficulty(objects: LabelledObjects) -> dict[str, np.ndarray]:
-    """Which objects count in each of KITTI's levels, (n,) bool each; an easy object is also moderate and hard.
+    """(n,) bool objects of each of KITTI's difficulty levels; an easy object is also moderate and hard.
 
     The 2D box must be higher than 40, 25, 25 px; occlusion at most 0, 1, 2; truncation at most 0.15, 0.30, 0.50.
     """

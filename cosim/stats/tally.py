@@ -28,7 +28,7 @@ _CLEARANCE_M = 0.2  # of a box's bottom: what lies below is road
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """What the points of f frames come to; frames without a scan hold zeros.
+    """Statistics of the points of f frames; 0 for frames without a scan.
 
     Attributes:
         points: (f,) int64 points a frame.
@@ -68,7 +68,7 @@ class Scans:
 
 @dataclass(frozen=True, eq=False)
 class Collected:
-    """Everything known of a set after one pass.
+    """Statistics of a set after one pass over its frames.
 
     Attributes:
         title, kind, path: of the set.
@@ -160,7 +160,7 @@ class _Tally:
 
     @property
     def notes(self) -> list[str]:
-        """What could not be counted."""
+        """Notes about what could not be counted."""
         notes = []
         if self.unordered:
             notes.append(f"rings of {self.unordered} scans are unknown: no rays/, and not stored ring by ring")

@@ -76,7 +76,7 @@ class Scale:
         return [self.value(share) for share in (0, 0.25, 0.5, 0.75, 1)]
 
     def share(self, values: np.ndarray) -> np.ndarray:
-        """How far values lie from `low` to `high`, 0–1, those outside brought to the ends."""
+        """Scale values from `low`–`high` to 0–1, clipped."""
         values = np.clip(np.asarray(values, np.float32), self.low, self.high)
         if self.logarithmic:
             return np.log(values / self.low) / np.log(self.high / self.low)

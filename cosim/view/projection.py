@@ -58,7 +58,7 @@ class Viewpoint:
         return cls(projection @ calibration.velo_to_rect_matrix, float(projection[0, 0]), width, height)
 
     def enlarged(self, factor: int) -> Viewpoint:
-        """The same view with `factor` times the pixels each way."""
+        """Return the view with `factor` times as many pixels in each direction."""
         # pixel centres: u' = factor·(u + ½) − ½
         shift = (factor - 1) / 2
         resize = np.array([[factor, 0, shift], [0, factor, shift], [0, 0, 1]])

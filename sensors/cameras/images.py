@@ -1,4 +1,4 @@
-"""What one camera pass yields."""
+"""Images of one camera pass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a camera makes of the light: exposure, dark corners, blur, and noise of photons and electronics."""
+"""Image formation: exposure, vignetting, blur, shot noise and read noise."""
 
 from __future__ import annotations
 

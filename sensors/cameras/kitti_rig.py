@@ -28,7 +28,7 @@ _IMU_TO_VELO = (
 
 @dataclass(frozen=True, eq=False)
 class KittiCalibration:
-    """What a KITTI `calib` file holds; a LiDAR point x projects as P · R0_rect · Tr_velo_to_cam · x.
+    """Contents of a KITTI `calib` file; a LiDAR point x projects as P · R0_rect · Tr_velo_to_cam · x.
 
     Attributes:
         P0, P1, P2, P3: (3, 4) float64 projections of the rectified cameras, camera-0 axes to pixels.

@@ -24,7 +24,7 @@ _SETTLES_PX = 0.05
 
 
 class Distortion(BaseModel):
-    """How a lens bends straight lines."""
+    """Distortion of a lens."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -53,7 +53,7 @@ class Distortion(BaseModel):
             )
 
     def rays(self, K: np.ndarray, width: int, height: int) -> np.ndarray:
-        """Where every pixel looks, (h, w, 2): x/z and y/z."""
+        """Normalised coordinates x/z and y/z of every pixel, (h, w, 2)."""
         pixels = _grid(width, height).reshape(-1, 1, 2)
         coefficients = np.array(self.coefficients)
         if self.model == "fisheye":
@@ -110,11 +110,11 @@ class Lens:
         return cls(P, (int(size[0]), int(size[1])), K, (width, height), distortion)
 
     def bent(self, images: Images) -> Images:
-        """What the camera sees, from images of the pinhole."""
+        """Distort an image of the pinhole camera."""
         return _remapped(images, self._bent_map)
 
     def straight(self, images: Images) -> Images:
-        """What a camera of the same matrix and size without distortion would see."""
+        """Undistort an image: that of a camera with the same matrix and size without distortion."""
         return _remapped(images, self._straight_map)
 
     @cached_property
@@ -151,7 +151,7 @@ def _remapped(images: Images, where: np.ndarray) -> Images:
 
 
 def _undistorted(K: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Where every pixel of the pinhole looks, (h, w, 2)."""
+    """Normalised coordinates (h, w, 2) of every pixel of the pinhole camera."""
     grid = _grid(width, height)
     return (grid - [K[0, 2], K[1, 2]]) / [K[0, 0], K[1, 1]]
 

@@ -12,7 +12,7 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Light:
-    """What lights the scene; a white horizontal face turned to sun and sky comes out near 1 by default.
+    """Light sources of the scene; a white horizontal face turned to sun and sky comes out near 1 by default.
 
     All colours are linear RGB. A face of albedo ρ and unit normal n shows
     ρ · (sun_rgb · max(0, n·s) + mix(ground_rgb, sky_rgb, (1 + n_z) / 2)).

@@ -1,4 +1,4 @@
-"""Where a pass draws to: colour, instance number and depth, one exact sample a pixel. Imports OpenGL."""
+"""Render target of a pass: colour, instance number and depth, one sample per pixel. Imports OpenGL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lets pyrender be imported where there is no window system.
+"""Make pyrender importable without a window system.
 
 Its viewer loads pyglet, and that the libraries of an X server, as soon as pyrender is imported; nothing here
 opens a window. A viewer that was imported before is not changed.

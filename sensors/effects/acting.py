@@ -1,4 +1,4 @@
-"""Lets effects act one after the other, and holds users' own ones to the rules."""
+"""Apply effects one after another, and check the results of user-defined ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect is: validated parameters, what it acts on, and what it can be mistaken for."""
+"""Base classes of effects: validated parameters, the stage they act on, and effects they can be confused with."""
 
 from __future__ import annotations
 

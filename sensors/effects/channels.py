@@ -183,7 +183,7 @@ class ReturnProbability(ErrorByCovariates, DetectionEffect):
 
 
 def _chained(if_seen: np.ndarray, if_lost: np.ndarray, returns: Returns, shot: Shot, neighbour: str) -> np.ndarray:
-    """Which returns (m,) are noticed, where that depends on whether a neighbour in the grid of beams is lost.
+    """(m,) bool returns that are detected, if detection depends on the loss of a neighbouring beam.
 
     Args:
         if_seen, if_lost: (m,) bool, whether each return is noticed if its neighbour is seen, or lost.

@@ -106,5 +106,5 @@ CONFUSIONS = (
 
 
 def separations(a: str, b: str) -> tuple[Confusion, ...]:
-    """What is known about telling two effects apart."""
+    """Known ways to distinguish two effects."""
     return tuple(one for one in CONFUSIONS if one.between(a, b))

@@ -1,4 +1,4 @@
-"""What a sensor model expects of every beam, chance left out: means, spreads and probabilities."""
+"""Expectation of every beam under a sensor model: means, standard deviations and probabilities."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DRAWS = 8
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """Of n beams.
+    """Expectation of n beams.
 
     Attributes:
         range_m: (n,) float64 mean range of the answering surface from the reported optical centre; NaN where none can.
@@ -47,7 +47,12 @@ class Expectation:
     silent: np.ndarray
 
 
-def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.ndarray] | None = None) -> Expectation:
+def expect(
+    effects: Sequence[Effect],
+    shot: Shot,
+    unsure: tuple[np.ndarray, np.ndarray] | None = None,
+    reflectance_factor: float = 1.0,
+) -> Expectation:
     """Expectation of a traced shot under effects in the order in which they act.
 
     Args:
@@ -55,9 +60,13 @@ def expect(effects: Sequence[Effect], shot: Shot, unsure: tuple[np.ndarray, np.n
         shot: of n beams.
         unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
             on what the twin says. The standard deviations of the expectation are only those of the sensor.
+        reflectance_factor: of all solid surfaces, at most 1.
     """
     beams = len(shot.rays)
     returns, shot.noiseless = shot.solids, None
+    if reflectance_factor != 1:
+        factor = np.float32(reflectance_factor)
+        returns = replace(returns, intensity=returns.intensity * factor, reflectance=returns.reflectance * factor)
     seen, silent = np.ones(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     noise = np.zeros((2, beams))  # the part of the variances that noise effects added

@@ -33,7 +33,7 @@ def with_rings(effects: Sequence[Effect], rings: int) -> tuple[Effect, ...]:
 
 
 def as_known(effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """The same effects of the classes that the catalogue and the user know."""
+    """Return the effects as instances of the classes of the catalogue and the user."""
     known = effect_classes()
     types = [known.get(effect.name, type(effect)) for effect in effects]
     return tuple(

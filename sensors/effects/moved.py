@@ -20,7 +20,7 @@ class OldNames(MetaPathFinder, Loader):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Of a name that no other finder knows."""
+        """Find the module of a name that no other finder knows."""
         package, _, name = fullname.rpartition(".")
         rooms = _FOLDER.glob(f"*/{name}.py") if package == _PACKAGE else iter(())
         return next((ModuleSpec(fullname, self, origin=f"{package}.{one.parent.name}.{name}") for one in rooms), None)

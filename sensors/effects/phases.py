@@ -29,7 +29,7 @@ Channel = Literal[
 
 
 class Phase(IntEnum):
-    """When an effect acts; effects are sorted by it, whatever their order in the sensor file.
+    """Phase in which an effect acts; effects are sorted by it, whatever their order in the sensor file.
 
     `OWN_…` phases are where a user's effect acts unless it chooses another.
     """

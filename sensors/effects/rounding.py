@@ -1,4 +1,4 @@
-"""What rounding leaves of a mean and a spread.
+"""Mean and standard deviation of rounded values.
 
 A normal deviate of mean m and standard deviation s, rounded to multiples of δ, is kδ with probability
 Φ((kδ + δ/2 − m)/s) − Φ((kδ − δ/2 − m)/s). Where s is well above δ its mean stays and its variance grows by δ²/12

@@ -49,7 +49,7 @@ def paired_overlaps(first: Labels, second: Labels, metric: Metric) -> np.ndarray
 
 
 def absorbed(scored: Scored, detections: np.ndarray, above: float) -> np.ndarray:
-    """Which detections lie in a DontCare region by more than a share of their own image box, (n,) bool."""
+    """(n,) bool detections of whose image box more than a given share lies in a DontCare region."""
     regions = np.flatnonzero(scored.labels.kind == "dontcare")
     region, row = _within_frames(scored, regions, detections)
     inner = scored.detections.objects.bbox

@@ -132,7 +132,7 @@ def rename_classes(scored: Scored, names: Mapping[str, str]) -> Scored:
 
 
 def _has_box(objects: Labels) -> np.ndarray:
-    """Which objects have a box of some area in the image, (n,) bool."""
+    """(n,) bool objects with an image box of positive area."""
     return (objects.bbox[:, 2] > objects.bbox[:, 0]) & (objects.bbox[:, 3] > objects.bbox[:, 1])
 
 

@@ -169,7 +169,7 @@ def _available_metrics(scored: Scored, name: str) -> set[Metric]:
 
 
 def _solid_boxes(objects: Labels) -> dict[Metric, np.ndarray]:
-    """Which objects (n,) have a box in bird's-eye view, and in 3D."""
+    """(n,) bool objects that have a box in bird's-eye view, and in 3D."""
     height, width, length = objects.dimensions.T
     ground = (objects.location[:, 0] != -1000) & (objects.location[:, 2] != -1000) & (width > 0) & (length > 0)
     return {"bev": ground, "3d": ground & (objects.location[:, 1] != -1000) & (height > 0)}

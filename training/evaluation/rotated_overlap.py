@@ -1,4 +1,4 @@
-"""How much two rotated rectangles share, for many pairs at once: Sutherland–Hodgman clipping, vectorised."""
+"""Intersection areas of many pairs of rotated rectangles: Sutherland–Hodgman clipping, vectorised."""
 
 from __future__ import annotations
 

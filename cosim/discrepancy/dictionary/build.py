@@ -25,7 +25,7 @@ _COARSE, _COARSEST = 5, 3  # bins of each covariate of a pair; of those crossed 
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """Everything that is tested.
+    """All hypotheses that are tested.
 
     Attributes:
         covariates: covariates by name, including pairs.

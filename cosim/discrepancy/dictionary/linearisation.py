@@ -108,15 +108,15 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     _score_spurious(sample, adjusted, residuals.outcome, frames, bent, score, information)
     evidence = Evidence(score, information)
     mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
-    return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, fitted, adjusted), mixed)
+    return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, adjusted), mixed)
 
 
-def _channels(sample: Sample, fitted: Fitted, adjusted: Prediction) -> dict[str, LinearisedChannel]:
+def _channels(sample: Sample, adjusted: Prediction) -> dict[str, LinearisedChannel]:
     ones, angles = np.ones(len(sample)), angle_derivatives(sample)
     channels = [
         LinearisedChannel("range", "range", ones),
         *(LinearisedChannel(name, "range", angles[name]) for name in ANGLES),
-        LinearisedChannel("drop", "drop", fitted.prediction.seen),
+        LinearisedChannel("drop", "drop", adjusted.seen),
         LinearisedChannel("range_variance", "range_variance", ones),
         *(LinearisedChannel(name, name, ones, one_sided=True) for name in SPURIOUS),
     ]

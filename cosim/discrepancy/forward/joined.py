@@ -53,6 +53,7 @@ class SampleReplay:
                 np.concatenate([getattr(part, name) for part in parts])
                 for name in ("along_m", "above_m", "spurious_per_m", "split")
             ),
+            lambda: np.concatenate([part.log_odds_by_reflectance() for part in parts]),
         )
 
     @cached_property

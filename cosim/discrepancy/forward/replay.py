@@ -6,18 +6,20 @@ that an effect is evaluated in milliseconds. Moving objects are moved to the fir
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from assets.materials import MaterialTable
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.data.observation import upwards
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
-from sensors.effects.base import BeamEffect, Effect, ScanEffect
+from sensors.effects.base import BeamEffect, EchoEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
 from sensors.effects.expectation import Expectation, expect, spurious_density
 from sensors.hits import NOTHING, Hits, Surface
@@ -29,6 +31,8 @@ from sensors.shot import Shot
 from sensors.world import Traced
 
 _GRAZING = 1e-3
+_REFLECTANCE_STEP = 0.02  # relative, of finite differences
+_LEAST_CHANCE = 1e-6
 _NEARLY_ALL = 0.97  # quantile: a few lasers without returns may be deflected arbitrarily
 
 
@@ -107,6 +111,8 @@ class Expected:
         along_m, above_m: (n,) offset of the reported optical centre along and perpendicular to (above) each beam [m].
         spurious_per_m, split: (n,) density [1/m] of spurious returns at the measured range, and the part of it from
             other parts of the beam's own footprint; 0 without a return.
+        log_odds_by_reflectance: computes the derivative (n,) of the log-odds of `of.seen` with respect to the relative
+            reflectance of the surface.
     """
 
     of: Expectation
@@ -114,6 +120,7 @@ class Expected:
     above_m: np.ndarray
     spurious_per_m: np.ndarray
     split: np.ndarray
+    log_odds_by_reflectance: Callable[[], np.ndarray]
 
 
 class Replayed:
@@ -178,7 +185,12 @@ class Replayed:
                 density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
                 spurious_per_m[rows] += density
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
-        return Expected(expectation, along, above, spurious_per_m, split)
+
+        @cache
+        def log_odds_by_reflectance() -> np.ndarray:
+            return _log_odds_by_reflectance(effects, shot, expectation, self.twin_sigmas)
+
+        return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """Return the hits of the beams as deflected by the beam effects among `effects`."""
@@ -362,6 +374,22 @@ def _centres(rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Upward unit vectors (n, 3), and offsets (n,) [m] of optical centres along and above the beams."""
     origin, upward = rays.origin.astype(np.float64), upwards(rays.direction)
     return upward, np.einsum("ij,ij->i", origin, rays.direction), np.einsum("ij,ij->i", origin, upward)
+
+
+def _log_odds_by_reflectance(
+    effects: tuple[Effect, ...], shot: Shot, expectation: Expectation, twin_sigmas: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Derivative (n,) of the log-odds of a return with respect to the relative reflectance, by a finite difference."""
+    slope = np.zeros(len(expectation.seen))
+    if not any(isinstance(effect, EchoEffect) for effect in effects):
+        return slope
+    noiseless = shot.noiseless
+    darker = expect(effects, shot, twin_sigmas, reflectance_factor=1 - _REFLECTANCE_STEP).seen
+    shot.noiseless = noiseless
+    least = np.minimum(expectation.seen, darker), 1 - np.maximum(expectation.seen, darker)
+    rows = np.flatnonzero(np.minimum(*least) > _LEAST_CHANCE)
+    slope[rows] = (special.logit(expectation.seen[rows]) - special.logit(darker[rows])) / _REFLECTANCE_STEP
+    return slope
 
 
 def with_ranges(met: Surface, ranges: np.ndarray) -> Surface:

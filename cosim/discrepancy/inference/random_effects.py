@@ -14,7 +14,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy import sparse
+from scipy import sparse, special
 
 from cosim.discrepancy.inference.pose_errors import PoseErrors
 from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix
@@ -302,9 +302,15 @@ class RandomEffects:
             if block.name != "poses" and block.quantity == "range" and part.any():
                 moved = moved + self._designs[block.name] @ part
         share = self.brightness(estimate)
+        seen = self._seen(expected, share)
         spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
         return replace(
-            expected, range_m=expected.range_m + moved, intensity=expected.intensity * share, intensity_sigma=spread
+            expected,
+            range_m=expected.range_m + moved,
+            intensity=expected.intensity * share,
+            intensity_sigma=spread,
+            seen=seen,
+            silent=np.clip(expected.silent + expected.seen - seen, 0, 1),
         )
 
     def brightness(self, estimate: Estimate) -> np.ndarray:
@@ -314,6 +320,18 @@ class RandomEffects:
             if block.quantity == "intensity" and part.any():
                 bright = bright + self._indicator_matrix(block) @ part
         return np.maximum(1 + bright, self._settings.darkest)
+
+    def _seen(self, expected: Prediction, share: np.ndarray) -> np.ndarray:
+        """(n,) probability of a return if reflectances change by factors (n,): darker surfaces are lost more often.
+
+        The log-odds are linear in small changes; those of maps that are made from the scans are not small.
+        """
+        rows = np.flatnonzero((share != 1) & (expected.seen > 0) & (expected.seen < 1))
+        if self.sample.of_own_map or not len(rows):
+            return expected.seen
+        seen, slope = expected.seen.copy(), expected.log_odds_by_reflectance()
+        seen[rows] = special.expit(special.logit(seen[rows]) + slope[rows] * (share[rows] - 1))
+        return seen
 
     def prediction_jacobian(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, np.ndarray]:
         """(n,) derivative of the adjusted prediction with respect to the effects' prediction, at the current estimate.
@@ -331,7 +349,7 @@ class RandomEffects:
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """(n, m) derivatives of each quantity with respect to the random effects; inactive columns are empty."""
         rows, active = len(self.sample), self.active(estimate)
-        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": []}
+        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": [], "drop": []}
         for (block, is_active), (_, u) in zip(self._split(active), self._split(estimate.u), strict=True):
             empty = sparse.csr_matrix((rows, block.size))
             if not is_active.any():
@@ -342,12 +360,13 @@ class RandomEffects:
                 derivatives = self._designs[block.name]
             else:
                 derivatives = self._intensity_design(block, expected)
-            of_spread = self._spread_design(block, u) if block.free else empty
+            own: dict[Quantity, SparseMatrix] = {block.quantity: derivatives}
+            if block.quantity == "intensity" and block.free:
+                own["intensity_variance"] = self._spread_design(block, u)
+            elif block.quantity == "intensity" and is_active.any():
+                own["drop"] = self._loss_design(block, expected, estimate)
             for quantity, columns in parts.items():
-                derivatives_of_spread = (
-                    of_spread if quantity == "intensity_variance" and block.quantity == "intensity" else empty
-                )
-                columns.append(derivatives if quantity == block.quantity else derivatives_of_spread)
+                columns.append(own.get(quantity, empty))
         return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
 
     def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
@@ -417,10 +436,13 @@ class RandomEffects:
         """(n, size) derivatives of intensities with respect to albedo."""
         return sparse.diags(expected.intensity) @ self._indicator_matrix(block)
 
+    def _loss_design(self, block: Block, expected: Prediction, estimate: Estimate) -> SparseMatrix:
+        """(n, size) derivatives of the probability of a return with respect to albedo."""
+        seen = self._seen(expected, self.brightness(estimate))
+        return sparse.diags(seen * (1 - seen) * expected.log_odds_by_reflectance()) @ self._indicator_matrix(block)
+
     def _spread_design(self, block: Block, u: np.ndarray) -> SparseMatrix:
         """(n, size) derivatives of log σ of intensities, which is proportional to the albedo."""
-        if block.quantity != "intensity":
-            return sparse.csr_matrix((len(self.sample), block.size))
         return self._indicator_matrix(block) @ sparse.diags(1 / np.maximum(1 + u, self._settings.darkest))
 
     def _range_design(self, block: Block) -> SparseMatrix:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,6 +32,8 @@ class Prediction:
         twin_sigma_m, twin_sigma_intensity: σ of the twin itself, in addition to that of the sensor.
         spurious_share: share of beams with spurious returns according to fitted dependences.
         spurious: their density [1/m] at the measured range, times the share.
+        log_odds_by_reflectance: computes the derivative (n,) of the log-odds of `seen` with respect to the relative
+            reflectance of the surface.
     """
 
     range_m: np.ndarray
@@ -45,6 +47,7 @@ class Prediction:
     split: np.ndarray
     twin_sigma_m: np.ndarray
     twin_sigma_intensity: np.ndarray
+    log_odds_by_reflectance: Callable[[], np.ndarray]
     spurious_share: np.ndarray | float = 0.0
     spurious: np.ndarray | float = 0.0
 
@@ -236,6 +239,7 @@ class Sample:
             split=expected.split,
             twin_sigma_m=self.twin_sigma_m,
             twin_sigma_intensity=self.twin_sigma_intensity,
+            log_odds_by_reflectance=expected.log_odds_by_reflectance,
         )
 
     def clear_of(self, ambiguous: Sequence[np.ndarray]) -> Sample:

@@ -115,7 +115,7 @@ def _figures(
 
 
 def _summary(figures: _Figures, columns: slice, one_sided: bool) -> tuple[float, float]:
-    """How far the mean square of standardised scores exceeds its expectation, and twice the gain they foresee."""
+    """Excess of the mean square of standardised scores over its expectation, and twice the predicted gain."""
     score, scatter, floor = (values[columns] for values in figures)
     used = floor > 0
     if not used.any():

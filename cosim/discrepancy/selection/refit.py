@@ -198,7 +198,7 @@ def rebuilt(linearisation: Linearisation, group: Group, covariates: Mapping[str,
 
 
 def finest(linearisation: Linearisation, group: Group) -> Group:
-    """The same dependence in as many bins as a fit may have."""
+    """Return the dependence with the largest number of bins that a fit may have."""
     if group.covariate is None:
         return group
     sample = linearisation.sample

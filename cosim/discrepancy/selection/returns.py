@@ -123,6 +123,6 @@ def _trials(linearisation: Linearisation) -> tuple[np.ndarray, np.ndarray, np.nd
         values["drop"] for values in (linearisation.evidence.score, linearisation.evidence.information)
     )
     least = linearisation.sample.settings.likelihood.lost_share
-    p = np.clip(linearisation.fitted.prediction.seen, least, 1 - least)
+    p = np.clip(linearisation.adjusted.seen, least, 1 - least)
     trials = information * p * (1 - p)
     return p, np.clip(score * p * (1 - p) + p * trials, 0, trials), trials

@@ -30,7 +30,7 @@ _LEAST_Z = 3.0  # standardised score of a dependence that turns beams above whic
 
 @dataclass(frozen=True, eq=False)
 class SelectionEvidence:
-    """What the scores about a model show.
+    """Evidence in the scores about a model.
 
     Attributes:
         linearisation: of the model.
@@ -381,7 +381,7 @@ def _each_kind_once(results: Sequence[GroupTest]) -> list[GroupTest]:
 
 
 def _kind(group: Group) -> tuple:
-    """What makes two groups the same hypothesis in other bins or at another setting."""
+    """Key that is equal for groups of the same hypothesis with other bins or another setting."""
     return (
         group.channel,
         group.effect_name,

@@ -57,7 +57,7 @@ class Entry:
 
     @property
     def expected_events(self) -> tuple[np.ndarray, ...]:
-        """Of counts, expected number (clusters, k) of events, for both clusterings."""
+        """Expected number (clusters, k) of events of counts, for both clusterings."""
         return tuple(cluster_information / self.event for cluster_information in self.cluster_information)
 
     @property
@@ -101,7 +101,7 @@ class GroupTest:
         return self.entry.group
 
     def gap_to(self, other: GroupTest) -> tuple[float, float]:
-        """How much more this group gains than another one, and the standard error over folds."""
+        """Gain of this group minus that of another one, and the standard error over folds."""
         difference = self.fold_gains - other.fold_gains
         return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
 

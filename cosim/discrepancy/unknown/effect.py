@@ -105,7 +105,7 @@ class UnknownEffect:
 
     @property
     def standard_deviation(self) -> float:
-        """Of a shared error, as the curve has it."""
+        """Standard deviation of a shared error, from the curve."""
         known = self.curve.is_known
         weight = 1 / np.maximum(self.curve.sigma[known], 1e-12) ** 2
         return max(float(f"{np.average(self.curve.y[known], weights=weight):.5g}"), 0.0)

@@ -19,7 +19,7 @@ from sensors.effects.covariates import wrapped
 
 @dataclass(frozen=True)
 class FormulaGrid:
-    """How finely parameters of families are tried.
+    """Grid of trial values for the parameters of families.
 
     Attributes:
         edges: positions within the covariate's range.

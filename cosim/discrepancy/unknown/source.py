@@ -72,7 +72,7 @@ def _source(unknown: UnknownEffect) -> str:
 
 
 def _source_without_formula(unknown: UnknownEffect) -> str:
-    """Of a shared error, or an error of objects: class attributes say all of it."""
+    """Source of a shared error, or of an error of objects, which class attributes define completely."""
     base = base_of(unknown)
     unit = f" [{unknown.curve.unit}]" if unknown.curve.unit else ""
     shared = f"standard deviation of an error that the beams of a {unknown.shared_by} share{unit}"
@@ -112,7 +112,7 @@ def _heading(unknown: UnknownEffect, what: str) -> str:
 
 
 def _limits(unknown: UnknownEffect) -> list[str]:
-    """What a simulation cannot know of the covariates."""
+    """Limits of the covariates in a simulation."""
     if unknown.objects is not None:
         return ["It is an error of the twin: correct the objects there rather than keep it in the sensor."]
     if unknown.curve.is_shared:

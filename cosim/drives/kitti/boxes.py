@@ -58,7 +58,7 @@ class Boxes:
 
 
 def points_in_boxes(points: np.ndarray, boxes: Boxes, margin_m: float = 0.0) -> np.ndarray:
-    """Which points lie in which box.
+    """Assign points to the boxes that contain them.
 
     Args:
         points: (n, ≥ 3) in the axes of the boxes [m].

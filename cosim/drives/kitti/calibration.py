@@ -132,7 +132,7 @@ class Calibration:
         return uv, depth
 
     def project(self, points_velo: np.ndarray, camera: int = 2) -> tuple[np.ndarray, np.ndarray]:
-        """Where points appear in an image.
+        """Project points into an image.
 
         Args:
             points_velo: (n, ≥ 3) in LiDAR axes [m].

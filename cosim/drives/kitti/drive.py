@@ -182,7 +182,7 @@ class Drive:
 
     @cached_property
     def missing(self) -> tuple[str, ...]:
-        """What is absent and what follows from it, a sentence each; empty for a complete drive."""
+        """Missing parts and their consequences, one sentence each; empty for a complete drive."""
         absences = [self._absence(part, then) for part, then in _CONSEQUENCES.items() if self._expects(part)]
         if not any((self.base / "twin" / position).exists() for position in ("static.glb", "static", "worlds")):
             absences.append("twin/static.glb is absent: no static world")

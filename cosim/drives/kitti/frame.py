@@ -47,7 +47,7 @@ _OF_CAMERAS |= {"label": (".txt",)}
 
 
 def suffixes(part: str) -> tuple[str, ...]:
-    """What files of a part may end in, the one we write first.
+    """File name extensions of a part; the first one is used for writing.
 
     Raises:
         KeyError: there is no such part.

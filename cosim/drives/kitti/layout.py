@@ -1,4 +1,4 @@
-"""Where the parts of a drive are: our own layout and that of KITTI's downloads."""
+"""Locations of the parts of a drive: this project's layout and that of KITTI's downloads."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def lidar_folder(path: Path, name: str | None) -> Path:
 
 
 def _base_of(root: Path) -> tuple[Path, str]:
-    """Where a LiDAR's drive keeps what its LiDARs share, and the LiDAR's name; the root itself for a first one."""
+    """Folder that the LiDARs of a drive share, and the LiDAR's name; the root itself for the main LiDAR."""
     folder = root.absolute()
     base = folder.parent.parent
     if folder.parent.name == LIDARS and (base / "velodyne").is_dir():

@@ -1,4 +1,4 @@
-"""How the scans of a drive are laid out: as `cosim run` writes them, or inferred from the files of a measured drive."""
+"""Layout of a drive's scans: as `cosim run` writes them, or inferred from the files of a measured drive."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ PLAIN = PointFormat(RowLayout())
 
 
 def drive_options(info: Mapping[str, Any], where: Path) -> tuple[PointOptions, int | None]:
-    """What `drive.yaml` states about its scans, and the number of columns where it states only that.
+    """Statements of `drive.yaml` about its scans, and the number of columns if it states only that.
 
     Raises:
         DriveError: a value is of another kind.

@@ -1,4 +1,4 @@
-"""Which beam each point came from: `rays/NAME.npz`, in the order of the `.bin` file."""
+"""Beam of each point: `rays/NAME.npz`, in the order of the `.bin` file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which laser measured each point, recovered from the order of a scan that comes without `rays/`.
+"""Laser of each point, recovered from the order of points in a scan without `rays/`.
 
 Scans are ring-major, top ring first, and a ring is one turn of the head: KITTI's files rise in azimuth from 0,
 ours fall from π. A new ring starts where that revolution starts again.

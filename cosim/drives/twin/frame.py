@@ -135,7 +135,7 @@ class InstanceTexts:
 
 @dataclass(frozen=True, eq=False)
 class TwinFrame:
-    """Everything at the pose time of one frame.
+    """State of the ego vehicle and of all objects at the pose time of one frame.
 
     Attributes:
         frame: its name, as in `velodyne/NAME.bin`.
@@ -261,7 +261,7 @@ def _camera_json(camera: TwinCamera) -> dict[str, Any]:
 
 
 def _state(instance: Instance) -> bytes:
-    """All that may change of an instance with a given id, and its looks."""
+    """Variable properties of an instance with a given id, and its appearance."""
     one = instance
     numbers = struct.pack("5d", one.yaw_rate_radps, one.length_m, one.width_m, one.height_m, one.paint)
     looks = f"{one.kind} {one.model}".encode()

@@ -124,7 +124,7 @@ class Reader:
 
 
 def arrays(entries: list[Reader], key: str, shape: tuple[int, ...]) -> np.ndarray:
-    """What `array` gives of each entry, (n, …) float64, read at once: a frame holds hundreds."""
+    """Read an array of each entry at once, (n, …) float64, because a frame has hundreds."""
     values = [entry._values.get(key) for entry in entries]
     try:
         stacked = np.array(values)
@@ -144,7 +144,7 @@ def positives(entries: list[Reader], key: str) -> list[float]:
 
 
 def poses(entries: list[Reader], key: str) -> np.ndarray:
-    """What `pose` gives of each entry, (n, 4, 4) float64."""
+    """Read the pose of each entry, (n, 4, 4) float64."""
     matrices = arrays(entries, key, (4, 4))
     rotation = matrices[:, :3, :3]
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(initial=0)

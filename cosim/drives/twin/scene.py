@@ -57,7 +57,7 @@ class TwinScenes:
 
 
 def scene_instances(things: tuple[Instance, ...]) -> Instances:
-    """What can move, as a struct of arrays; colours are not known to a twin."""
+    """Movable objects as a struct of arrays; twins have no colours."""
 
     def column(values: list, *shape: int) -> np.ndarray:
         return np.array(values, np.float64).reshape(len(things), *shape)

@@ -1,4 +1,4 @@
-"""Which beams may be compared with a twin made from labels: `twin/trust/NAME.npz`.
+"""Beams that may be compared with a twin made from labels: `twin/trust/NAME.npz`.
 
 Such a twin has only the ground around the vehicle and the labelled objects. The file marks *areas*, selected by the
 evenness of the ground and the fit of its surface, never single points by their residuals: selecting points would remove
@@ -82,7 +82,7 @@ class Trust:
         return np.where(inside, xyz[:, 2] - self.height_m[tuple(rows)], np.inf)
 
     def measured(self, xyz: np.ndarray, instances: Sequence[Instance]) -> np.ndarray:
-        """Which measured returns are of something that the twin holds, (n,) bool.
+        """(n,) bool measured returns from surfaces that the twin contains.
 
         Args:
             xyz: (n, 3) positions of the returns, world frame; NaN without a return.
@@ -94,7 +94,7 @@ class Trust:
         return trusted
 
     def traced(self, xyz: np.ndarray, instance: np.ndarray) -> np.ndarray:
-        """Which traced hits are of something that is known, (n,) bool.
+        """(n,) bool traced hits on known surfaces.
 
         Args:
             xyz: (n, 3) positions of the hits, world frame; arbitrary without a hit.
@@ -109,7 +109,7 @@ class Trust:
         instance: np.ndarray,
         measured: np.ndarray,
     ) -> np.ndarray:
-        """Which beams may be compared, (n,) bool.
+        """(n,) bool beams that may be compared.
 
         Args:
             instances: of the frame.
@@ -126,7 +126,7 @@ class Trust:
         return self.traced(traced, instance) & same
 
     def sigmas(self, traced: np.ndarray, instance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far the twin may be off where beams meet it: across its surface [m] and in brightness, (n,) each.
+        """Standard deviations of the twin where beams hit it: across its surface [m] and in brightness, (n,) each.
 
         Args:
             traced: (n, 3) positions of the traced hits, world frame; arbitrary without a hit.
@@ -148,7 +148,7 @@ class Trust:
 
 
 def in_box(xyz: np.ndarray, instance: Instance, margin_m: float) -> np.ndarray:
-    """Which places (n, 3) lie in an instance's box, grown on every side, (n,) bool."""
+    """(n,) bool points (n, 3) inside an instance's box, enlarged on every side."""
     local = (np.asarray(xyz, np.float64) - instance.pose[:3, 3]) @ instance.pose[:3, :3]
     half = np.array([instance.length_m, instance.width_m]) / 2 + margin_m
     level = (np.abs(local[:, :2]) <= half).all(1)

@@ -1,4 +1,4 @@
-"""What the two-sample test found."""
+"""Result of the two-sample test."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Separation:
-    """How well two sets are distinguished.
+    """Separability of two sets.
 
     Attributes:
         auc: area under the ROC curve of patches that took no part in training; 0.5: not at all, 1: always.
@@ -73,7 +73,7 @@ class FigureResult:
 
 @dataclass(frozen=True)
 class RegionResult:
-    """How well the classifiers distinguish patches with a large share of a region."""
+    """Separability of patches with a large share of a region."""
 
     region: str
     title: str
@@ -98,7 +98,7 @@ class TellingPatch:
     picture: np.ndarray
 
     def as_json(self) -> dict[str, Any]:
-        """Where it is."""
+        """Location of the patch."""
         return {"frame": self.frame, "patch": list(self.place), "probability": self.probability}
 
 

@@ -183,7 +183,7 @@ def _separate(
 
 
 def _resampling(units: int, draws: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each unit is drawn, (draws, units)."""
+    """Number of times that each unit is drawn, (draws, units)."""
     return rng.multinomial(units, np.full(units, 1 / units), size=draws).astype(float)
 
 

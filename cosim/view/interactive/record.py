@@ -172,5 +172,5 @@ def _readable(names: tuple[str, ...]) -> list[str]:
 
 
 def _sensor_height(frame: Frame) -> float:
-    """Of the LiDAR above the ground [m]."""
+    """Height of the LiDAR above the ground [m]."""
     return float(frame.twin.lidar.pose_ego[2, 3]) if frame.has("twin/frames") else _SENSOR_HEIGHT_M

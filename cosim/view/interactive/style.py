@@ -1,4 +1,4 @@
-"""What the page looks like: the whole window, dark, a column a drive."""
+"""CSS of the page: the whole window, dark, one column per drive."""
 
 STYLE = """
 :root { color-scheme: dark; --ground: #0d1016; --panel: #151a23; --line: #262d39; --text: #e2e8f0; --muted: #8d99ad;

@@ -1,1 +1,1 @@
-"""Where beams leave from, whither and when."""
+"""Origin, direction and time of the beams."""

@@ -1,1 +1,1 @@
-"""Whether an echo is noticed."""
+"""Detection of echoes."""

@@ -1,4 +1,4 @@
-"""What is weaker than the least signal is no return."""
+"""Echoes weaker than the least signal give no return."""
 
 from __future__ import annotations
 

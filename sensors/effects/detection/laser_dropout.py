@@ -29,5 +29,5 @@ class LaserDropout(DetectionEffect):
     shares: bounded(0, 1) = per_ring("share of its returns that each laser loses, ring 0 first")  # type: ignore[valid-type]
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """The same for all returns of a laser."""
+        """(m,) probability, equal for all returns of a laser."""
         return 1 - np.array(self.shares)[shot.rays.ring[returns.beam]]

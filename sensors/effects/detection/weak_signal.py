@@ -49,7 +49,7 @@ class WeakSignal(EchoEffect):
     cell_m: float = number("c, cell of the field; its features are 2 to 128 cells large", unit="m", ge=0.01, le=10)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The same returns, the weak ones darker."""
+        """Return the returns with lower intensities of weak ones."""
         signal = np.maximum(returns.intensity, np.float32(1e-9))
         if self.sigma:
             places = points_on_surface(returns, shot)

@@ -1,1 +1,1 @@
-"""What annotators make of it."""
+"""Errors of annotators."""

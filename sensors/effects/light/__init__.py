@@ -1,1 +1,1 @@
-"""How much light comes back, and what intensity is made of it."""
+"""Received power, and the intensity computed from it."""

@@ -1,4 +1,4 @@
-"""How brightness becomes intensity: random constants of surfaces, in two versions."""
+"""Intensity as a function of brightness: random constants of surfaces, in two versions."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What range and intensity are reported of a point."""
+"""Reported range and intensity of a point."""

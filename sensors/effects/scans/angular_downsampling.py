@@ -15,7 +15,7 @@ from sensors.shot import Shot
 
 
 class AngularDownsampling(ScanEffect):
-    """Of the returns in each cell of azimuth and elevation only the one nearest to the cell's middle is kept.
+    """Keep only the return nearest to the centre of each cell of azimuth and elevation.
 
     `image` as field keeps what falls into the camera's image, by KITTI's calibration where the frame has no camera.
     """

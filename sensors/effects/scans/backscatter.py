@@ -67,7 +67,7 @@ class Backscatter(ScanEffect):
 
     @staticmethod
     def _free_path(shot: Shot) -> np.ndarray:
-        """How far each beam gets [m]."""
+        """Free path of each beam [m]."""
         return np.minimum(shot.hits.solid.range_m, np.float32(shot.pattern.range_m[1]))
 
     def _hazard_up_to(self, range_m: np.ndarray, shot: Shot) -> np.ndarray:

@@ -51,7 +51,7 @@ class FalseAlarms(ScanEffect):
         return 1 - self._share(returns.beam, shot)
 
     def silence(self, shot: Shot) -> np.ndarray:
-        """The same chance of every beam of the sector."""
+        """(n,) probability of no return, equal for all beams of the sector."""
         return 1 - self._share(np.arange(len(shot.rays)), shot)
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:

@@ -1,1 +1,1 @@
-"""Which surface answers a beam."""
+"""Choice of the surface that returns a beam."""

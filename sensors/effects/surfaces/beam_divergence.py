@@ -80,7 +80,7 @@ class BeamDivergence(EchoEffect):
         return self.divergence_mrad > 0 and shot.whole is not None and shot.rows is not None
 
     def _aside(self, shot: Shot) -> Hits:
-        """What footprints of some beams of a revolution meet."""
+        """Surfaces in the footprints of some beams of a revolution."""
         radius_rad = self.divergence_mrad / 2000
         return shot.kept(f"footprint {radius_rad}", lambda: footprints_of_some(shot, radius_rad))
 

@@ -1,4 +1,4 @@
-"""What footprints of some beams met at other radii: where two of these agree, what lies between needs no ray."""
+"""Cache of surfaces in footprints of other radii: where two of them agree, radii in between need no ray."""
 
 from __future__ import annotations
 

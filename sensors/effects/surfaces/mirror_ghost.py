@@ -55,7 +55,7 @@ class MirrorGhost(EchoEffect):
         return self.strength * normal_density(range_m - image_m[beam], _BLUR_M)
 
     def _images(self, shot: Shot) -> Returns:
-        """What all beams on glass or metal would see mirrored."""
+        """Mirror images that all beams on glass or metal would see."""
 
         def make() -> Returns:
             metal = shot.solids.take(self._on_metal(shot.solids, shot))

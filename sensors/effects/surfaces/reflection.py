@@ -12,7 +12,7 @@ _OFF_SURFACE_M = 2e-3
 
 
 def mirrored_returns(mirrors: Returns, shot: Shot, leg_m: float) -> tuple[Returns, np.ndarray]:
-    """What beams see in the surfaces they meet.
+    """Returns that beams see mirrored in the surfaces they hit.
 
     Args:
         mirrors: returns of the mirroring surfaces, at most one a beam.

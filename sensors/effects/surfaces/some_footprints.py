@@ -17,7 +17,7 @@ _PROBED_RAD = (1e-3, 2e-3, 3e-3)
 
 
 def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
-    """What samples around the middle of each of a shot's beams meet, in row 4 · beam + sample.
+    """Surfaces hit by samples around the centre of each beam of a shot, in row 4 · beam + sample.
 
     Args:
         shot: of some beams of a whole revolution.

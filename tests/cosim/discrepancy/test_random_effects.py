@@ -14,12 +14,14 @@ from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.linearisation import linearise
+from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.search import gather_evidence
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.drives.twin import write_frame
 from cosim.drives.twin.frame import read_frame
 from sensors.effects.base import Effect
+from sensors.effects.detection.detection_threshold import DetectionThreshold
 from sensors.effects.points.range_bias import RangeBias
 from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.conftest import NOISE
@@ -93,3 +95,29 @@ def test_budget_adds_up_and_separates_poses_from_noise(shaken: Yard) -> None:
     assert sum(budget.parts.values()) == pytest.approx(budget.error, rel=0.02)
     assert budget.parts["poses"] > 0.3 * budget.error
     assert budget.floor is not None and budget.error_aligned < 1.1 * budget.floor < 0.7 * budget.error
+
+
+def test_darker_surfaces_return_less_often(exact: Yard) -> None:
+    """Probabilities and derivatives with albedo errors agree with those of the sensor at other intensities."""
+    random = fit_yard(exact).fitter.random
+    threshold = DetectionThreshold(threshold=0.2, softness=0.05)
+    prediction = random.sample.predict((threshold,))
+    variance = np.array([float(name == "albedo_of_map") for name, _ in random.components])
+    albedo = random.rows("albedo_of_map")
+
+    def seen_at(error: float) -> np.ndarray:
+        u = np.zeros(random.size)
+        u[albedo] = error
+        return random.adjusted(prediction, Estimate(u, variance)).seen
+
+    error, step = 0.05, 1e-4
+    of_map = (random.sample.surface >= 0) & (prediction.seen > 1e-3) & (prediction.seen < 1 - 1e-3)
+    logit = ((1 + error) * prediction.intensity - threshold.threshold) / threshold.softness
+    assert of_map.sum() > 100
+    np.testing.assert_allclose(seen_at(error)[of_map], 1 / (1 + np.exp(-logit[of_map])), atol=1e-3)
+
+    u = np.zeros(random.size)
+    u[albedo] = error
+    design = random.designs(prediction, Estimate(u, variance))["drop"]
+    difference = (seen_at(error + step) - seen_at(error - step)) / (2 * step)
+    np.testing.assert_allclose(np.asarray(design.sum(1)).ravel()[of_map], difference[of_map], rtol=1e-3, atol=1e-5)

@@ -27,7 +27,8 @@ def one_by_one(replay: SampleReplay, effects: tuple[Effect, ...]) -> Expected:
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("along_m", "above_m", "spurious_per_m", "split")
     )
-    return Expected(type(parts[0].of)(**columns), *rest)
+    of_reflectance = np.concatenate([part.log_odds_by_reflectance() for part in parts])
+    return Expected(type(parts[0].of)(**columns), *rest, lambda: of_reflectance)
 
 
 DRAWN = ("intensity_floor",)  # its mean is one of a few draws, which differ
@@ -45,6 +46,8 @@ def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) ->
         np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-5, err_msg=part)
     for part in ("along_m", "above_m", "spurious_per_m", "split"):
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
+    slopes = found.log_odds_by_reflectance(), expected.log_odds_by_reflectance()
+    np.testing.assert_allclose(*slopes, rtol=1e-3, atol=1e-3)
 
 
 def test_what_was_was_left_is_returned_to(replay: SampleReplay) -> None:
