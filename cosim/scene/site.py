@@ -55,7 +55,7 @@ class Land:
 
     @cached_property
     def corner_m(self) -> np.ndarray:
-        """(3,) local origin of the world [m]: the lower corner of a user's streets, so that offsets do not change it."""
+        """(3,) local origin of the world [m]: the lower corner of the streets, so that offsets do not matter."""
         if self.town.is_built_in:
             return np.zeros(3)
         low = np.min([lane.centre[:, :2].min(0) for lane in self.streets.lanes], axis=0)
