@@ -12,8 +12,6 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from cosim.report.style import STYLE
-
 _ENVIRONMENT = Environment(
     loader=FileSystemLoader(str(files("cosim.report") / "templates")),
     autoescape=True,
@@ -33,7 +31,8 @@ def document(title: str, parts: Iterable[str], *, generator: str, style: str = "
     """
     body = Markup("\n").join(part for part in parts if part)
     template = _ENVIRONMENT.get_template("document.html")
-    return template.render(title=title, body=body, generator=generator, style=Markup(STYLE + style))
+    common = (files("cosim.report") / "page.css").read_text(encoding="utf-8")
+    return template.render(title=title, body=body, generator=generator, style=Markup("\n" + common + style))
 
 
 def part(name: str, *values: Any) -> Markup:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from typing import Any
 
 from markupsafe import Markup
 
 from cosim.report.html import fill
-from cosim.view.interactive.style import STYLE
 from cosim.view.scripts import viewer_script
 
 GENERATOR = "cosim view"
@@ -55,7 +55,7 @@ def page_parts(
         Markup(source),
         GENERATOR,
         title,
-        Markup(STYLE),
+        Markup("\n" + (files("cosim.view.interactive") / "page.css").read_text(encoding="utf-8")),
     )
     panes = Markup().join(_pane(drive, missing) for drive, missing in absences)
     link = fill('<a href="{}">pictures</a>', pictures) if pictures else ""
