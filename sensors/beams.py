@@ -1,4 +1,4 @@
-"""The beams of one revolution: what the sensor reports of them, and how they really leave."""
+"""The beams of one revolution: as the sensor reports them, and as they are really emitted."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Beams:
         return cls(rays, rays.origin, rays.direction, np.eye(4), np.eye(4))
 
     def raised(self, angle_rad: np.ndarray | float) -> Beams:
-        """Turned up in their vertical planes by angles (n,) or one for all."""
+        """Return the beams raised in their vertical planes by angles (n,), or one for all."""
         x, y, z = self.direction.astype(np.float64).T
         flat = np.hypot(x, y)
         cos, sin = np.cos(angle_rad), np.sin(angle_rad)
@@ -46,7 +46,7 @@ class Beams:
         return replace(self, direction=direction.astype(np.float32))
 
     def turned(self, angle_rad: np.ndarray | float) -> Beams:
-        """Turned counter-clockwise about the sensor's axis by angles (n,) or one for all."""
+        """Return the beams turned counter-clockwise about the sensor's axis by angles (n,), or one for all."""
         x, y, z = self.direction.astype(np.float64).T
         cos, sin = np.cos(angle_rad), np.sin(angle_rad)
         direction = np.stack([x * cos - y * sin, x * sin + y * cos, z], 1)

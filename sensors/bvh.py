@@ -20,11 +20,11 @@ _WORTH_SHARING = 20_000
 
 
 class Bvh:
-    """HitBuffer-hit queries on a mesh, with the surface's properties by triangle.
+    """Nearest-hit queries on a mesh, with the surface's properties by triangle.
 
     Args:
-        mesh: what to hit.
-        threads: threads that share a large query; Embree's loop leaves Python's lock.
+        mesh: triangles.
+        threads: threads that share a large query; Embree's loop releases Python's global lock.
         instance: what hits report: −1 the static world, 0 a model, whose row comes later.
         table: of the mesh's materials.
 
@@ -47,19 +47,19 @@ class Bvh:
 
     @property
     def is_empty(self) -> bool:
-        """True where there is nothing to hit."""
+        """Whether the mesh has no triangles."""
         return self._scene is None
 
     def first_hit(
         self, origin: np.ndarray, direction: np.ndarray, limit: np.ndarray, near: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """HitBuffer triangle along each ray.
+        """Return the nearest triangle along each ray.
 
         Args:
             origin: (n, 3) float32.
             direction: (n, 3) float32, of any length; distances are in its multiples.
             limit: (n,) float32 farthest distance; left unchanged.
-            near: distance from which on surfaces count.
+            near: smallest distance of a surface.
 
         Returns:
             Distance (n,) float32, the limit for a miss, and triangle row (n,) int32, −1 for a miss.
@@ -75,12 +75,12 @@ class Bvh:
         return distance, triangle
 
     def blocks(self, origin: np.ndarray, direction: np.ndarray, reach_m: float) -> np.ndarray:
-        """Whether a triangle lies on each ray, (n,) bool; faster than `first_hit`, as any triangle will do.
+        """Whether a triangle lies on each ray, (n,) bool; faster than `first_hit`, because any triangle suffices.
 
         Args:
             origin: (n, 3) float32.
             direction: (n, 3) float32 unit vectors.
-            reach_m: farthest distance that counts [m].
+            reach_m: largest distance of a triangle [m].
         """
         if self._scene is None or len(origin) == 0:
             return np.zeros(len(origin), bool)
@@ -107,5 +107,5 @@ class Bvh:
 
 @cache
 def _device() -> EmbreeDevice:
-    """The one device of a process: each takes keys of its threads, and a thousand of them use these up."""
+    """Return the process's only Embree device; each one uses thread keys, of which a process has about a thousand."""
     return EmbreeDevice()

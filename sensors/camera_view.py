@@ -77,7 +77,7 @@ class CameraView:
         return rows[seen], line[seen], column[seen]
 
     def peaks(self, threshold: float, contrast: float) -> np.ndarray:
-        """Pixels that outshine their surroundings, (h, w) bool.
+        """Pixels that are brighter than their surroundings, (h, w) bool.
 
         Args:
             threshold: least brightness, 0–1.

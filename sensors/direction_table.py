@@ -1,4 +1,4 @@
-"""Scanners that do not spin: beams one by one, as a table or as the path of their mirrors and prisms."""
+"""Scanners that do not rotate: a table of beams, or the path of their mirrors or prisms."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _KEPT = np.dtype([("time_s", "<f4"), ("azimuth", "<f4"), ("elevation", "<f4"), (
 
 
 class DirectionTable(Pattern):
-    """Beams in any directions, each at its own time; the same ones in every scan.
+    """Beams in any directions, each with its own time; the same in every scan.
 
     The pose time is the middle of the scan. A channel counts as a ring: beams are ordered by channel, then by time.
     `elevation_deg`, the channels' mean elevations, and `firings`, the most beams of a channel, follow from the table.
@@ -122,7 +122,7 @@ def unpacked(text: str) -> np.ndarray:
     """The beams (n,) of a packed table.
 
     Raises:
-        ValueError: the text is none.
+        ValueError: the text is not a packed table.
     """
     try:
         data = zlib.decompressobj().decompress(base64.b64decode(text, validate=True), _MOST_BEAMS * _KEPT.itemsize)
@@ -135,17 +135,17 @@ def unpacked(text: str) -> np.ndarray:
 
 
 def rosette(prisms: Any, beams_per_s: Any, sweep_s: Any) -> str:
-    """The beams of one laser behind rotating prisms, packed: their deflections add up.
+    """Packed beams of one laser behind rotating prisms, whose deflections add up.
 
     Small angles: y + i z = Σ δ_j·e^{2πi f_j t}, about the forward axis.
 
     Args:
-        prisms: turns a second (negative: the other way) and deflection in degrees of each.
+        prisms: revolutions per second (negative: opposite direction) and deflection in degrees of each.
         beams_per_s: how often the laser fires.
         sweep_s: how long a scan lasts [s].
 
     Raises:
-        ValueError: they are no such numbers.
+        ValueError: the numbers are invalid.
     """
     try:
         speeds, deflections = np.array(prisms, float).reshape(-1, 2).T
@@ -165,7 +165,7 @@ def rosette(prisms: Any, beams_per_s: Any, sweep_s: Any) -> str:
 
 
 def raster(span_deg: Any, columns: Any, elevation_deg: Any, sweep_s: Any) -> str:
-    """The beams of lasers one above the other that a mirror carries from left to right, packed.
+    """Packed beams of lasers above each other that a mirror sweeps from left to right.
 
     Args:
         span_deg: azimuth at the left and the right end [degrees].
@@ -174,7 +174,7 @@ def raster(span_deg: Any, columns: Any, elevation_deg: Any, sweep_s: Any) -> str
         sweep_s: how long a scan lasts [s].
 
     Raises:
-        ValueError: they are no such numbers.
+        ValueError: the numbers are invalid.
     """
     try:
         left, right = map(float, span_deg)

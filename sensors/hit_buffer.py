@@ -1,4 +1,4 @@
-"""The nearest surface met so far by each ray: its distance, and all else in one record of eight bytes."""
+"""Buffer of the nearest surface of each ray: its distance, and all other properties in a record of eight bytes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _INSTANCE_SHIFT = np.int64(32)
 
 
 def face_records(normals: np.ndarray, materials: np.ndarray, glass: np.ndarray, instance: int) -> np.ndarray:
-    """Records of a mesh's faces, and a last one of nothing, which row −1 of a miss finds: (m + 1,) int64.
+    """Records of a mesh's faces, (m + 1,) int64; the last one, for row −1, is that of a miss.
 
     Args:
         normals: (m, 3) float32.
@@ -29,10 +29,10 @@ def face_records(normals: np.ndarray, materials: np.ndarray, glass: np.ndarray, 
 
 
 class HitBuffer:
-    """The nearest surface offered so far to each of n rays.
+    """Nearest surface of each of n rays among those offered so far.
 
     Attributes:
-        distance: (n,) float32, the farthest that counts where there is none.
+        distance: (n,) float32, the limit without a surface.
         records: (n,) int64, as `face_records` gives them.
     """
 

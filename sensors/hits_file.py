@@ -1,4 +1,4 @@
-"""Stored hits: what `hits/NAME.npz` holds, without loss against the traced hits.
+"""Stored hits, `hits/NAME.npz`: lossless copies of the traced hits.
 
 Ranges are differences along each ring in steps of 0.1 mm, split into byte planes, so that deflate finds the
 smoothness of surfaces. Material rows are stored with their names, so the table may grow.

@@ -87,7 +87,7 @@ def meet_static(
         origin: (n, 3) float32 world axes.
         direction: (n, 3) float32.
         limit: (n,) float32 farthest distance.
-        near: from here on surfaces count.
+        near: smallest distance of a surface.
     """
     pane = HitBuffer.nothing(limit)
     if static.is_empty:
@@ -140,7 +140,7 @@ def meet_instance(
         centre: (3,) world axes.
         time_s: (n,) float32 instants from the pose time.
         solid, pane: what they met so far; to be settled afterwards.
-        near: from here on surfaces count.
+        near: smallest distance of a surface.
         panes: whether its panes are included; without them its glass is ignored.
     """
     if not len(beams):

@@ -1,4 +1,4 @@
-"""Labelled boxes and the points in them, as label effects see them."""
+"""Labelled boxes and the points in them, for label effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracing while everything moves: each ray at its own instant, carried into each instance's frame at that instant."""
+"""Ray tracing with motion: each ray is traced at its own time, in each instance's frame at that time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WINDOW_MARGIN_M = 0.03  # covers the bow of a turning box's path between two in
 
 
 class MotionTracer:
-    """Traces one fixed fan of rays that leave one by one from a moving sensor.
+    """Traces a fixed set of rays that a moving sensor emits one after another.
 
     Args:
         rays: beams in the sensor's own axes.

@@ -14,7 +14,7 @@ CAMERA_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 class Place(BaseModel):
-    """A place on what carries the sensors, and the way a sensor looks from there.
+    """Position and orientation of a sensor on its carrier.
 
     The origin is the ground-level centre of the vehicle's box, or the foot of the mast; x forward, y left, z up. The
     rotation is Rz(yaw)·Ry(pitch)·Rx(roll), right-handed: pitch above 0 looks down, yaw above 0 to the left.

@@ -1,4 +1,4 @@
-"""Properties of sumolib's lanes: shape, width and permitted use."""
+"""Shape and permitted use of sumolib's lanes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choosing the OpenGL library before anything loads it."""
+"""Choice of the OpenGL library, before anything loads it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shade that never changes: the sun's shadow and the share of sky, by vertex."""
+"""Static shading: visibility of the sun and share of visible sky at each vertex."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class SunShadows:
         self._bvh = bvh or Bvh(mesh)
 
     def under(self, light: Light) -> SunShadows:
-        """The same world in another light; the share of sky, which stays, is found once for both."""
+        """Return the shading in another light; the share of sky is computed once for both."""
         other = copy.copy(self)
         other._sun = np.array(light.sun_direction, np.float32)
         return other
@@ -85,7 +85,7 @@ def _sky_share(
 
 
 def _spread(mesh: Mesh, values: np.ndarray) -> np.ndarray:
-    """Mean at each vertex (n, k) of what its faces hold (m, k); 0 where it has none."""
+    """Mean at each vertex (n, k) of the values of its faces (m, k); 0 without faces."""
     corners, count = mesh.faces.ravel(), len(mesh.vertices)
     total = [np.bincount(corners, np.repeat(column, 3), count) for column in values.T]
     return np.stack(total, 1) / np.maximum(np.bincount(corners, minlength=count), 1)[:, None]

@@ -44,10 +44,10 @@ class InstanceBuffer:
 
 
 class GrowingBuffer:
-    """Packed meshes one after the other, drawn as runs of faces.
+    """Buffer of consecutive packed meshes, drawn as runs of faces.
 
     Args:
-        instances: poses to draw runs in; without, they are drawn where they are.
+        instances: poses in which runs are drawn; without, meshes are drawn in world axes.
     """
 
     def __init__(self, instances: InstanceBuffer | None = None) -> None:
@@ -61,7 +61,7 @@ class GrowingBuffer:
         self._indices = _Store(GL.GL_ELEMENT_ARRAY_BUFFER)
 
     def add(self, packed: PackedMesh) -> int:
-        """Put a mesh behind those that are there; gives the number of its first face."""
+        """Append a mesh; return the number of its first face."""
         GL.glBindVertexArray(self._array)
         vertex, face = self._vertices.filled // VERTEX.itemsize, self._indices.filled // (3 * _INDEX_BYTES)
         moved = self._vertices.append(packed.vertices.view(np.uint8))
@@ -107,7 +107,7 @@ class GrowingBuffer:
 
 
 class _Store:
-    """A buffer object that takes bytes behind bytes, and is replaced by one twice as large when it is full."""
+    """A buffer object to which bytes are appended; replaced by one of twice the size when it is full."""
 
     def __init__(self, kind: int) -> None:
         self._kind = kind
@@ -115,7 +115,7 @@ class _Store:
         self.filled = 0
 
     def append(self, values: np.ndarray) -> bool:
-        """Add bytes (n,) uint8 and leave the buffer bound; whether it is another one than before."""
+        """Append bytes (n,) uint8 and leave the buffer bound; return whether the buffer object was replaced."""
         needed, moved = self.filled + len(values), False
         if needed > self._room:
             self._enlarge(max(2 * self._room, needed, _FIRST_BYTES))

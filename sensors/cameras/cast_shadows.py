@@ -1,4 +1,4 @@
-"""Shadows that what moves casts on the ground, put into an image after it is drawn.
+"""Shadows of moving objects on the ground, added to an image after it is drawn.
 
 The static world's own shadows are baked (`SunShadows`). A vehicle's is the projection of its convex hull along the
 sunlight onto the ground plane below it; ground within it loses the sun's part of its light, where it has that.
@@ -31,12 +31,12 @@ _SUN_REACH_M, _LIFT_M = 150.0, 0.05
 
 
 class CastShadows:
-    """Darkens the ground where instances keep the sun off it.
+    """Darkens the ground in the shadows of instances.
 
     Args:
         load: gives the mesh of a model's name.
         light: of the scene.
-        static: what keeps the sun off the ground anyway.
+        static: the static world, whose shadows are drawn already.
     """
 
     def __init__(self, load: Callable[[str], Mesh], light: Light, static: Bvh) -> None:
@@ -139,7 +139,7 @@ def _points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray,
 
 
 def _seen(outline: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Pixels (k, 2) round a convex outline (n, 3), cut where it passes the camera; none of one behind it."""
+    """Pixels (k, 2) of a convex outline (n, 3), clipped at the camera; none if it is behind the camera."""
     projected = ((outline - pose[:3, 3]) @ pose[:3, :3]) @ P[:, :3].T + P[:, 3]
     if projected[:, 2].min() >= _NEAR_M:
         return np.clip(projected[:, :2] / projected[:, 2:], -_FARTHEST_PX, _FARTHEST_PX)

@@ -1,4 +1,4 @@
-"""Faces of closed surfaces, whose insides are not visible from outside."""
+"""Faces of closed surfaces, whose inner sides are not visible from outside."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from assets.mesh import Mesh
 def closed_faces(mesh: Mesh) -> np.ndarray:
     """True for faces of closed, outward-facing pieces, (m,) bool: their back may be left undrawn.
 
-    A piece is what hangs together by edges between equal positions. It is closed if every edge is run as
+    A piece is a set of faces connected by edges between equal positions. It is closed if every edge is run as
     often one way as the other, and faces outward if its signed volume is positive. A ray from outside then
     meets a front face first, so leaving out the back faces changes no pixel.
     """
@@ -46,7 +46,7 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pieces(edge: np.ndarray) -> np.ndarray:
-    """Piece of each face, (m,), by shared edges."""
+    """Number of the piece of each face, (m,)."""
     n_faces = len(edge)
     face = np.repeat(np.arange(n_faces), 3)
     rows, columns = face, n_faces + edge.ravel()

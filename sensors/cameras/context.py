@@ -1,4 +1,4 @@
-"""Pyrender's offscreen context with a shader cache that holds. Imports OpenGL: import it only to draw."""
+"""Pyrender's offscreen context with a working shader cache. Imports OpenGL: import it only to draw."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SHADER_DIR = Path(__file__).parent / "shaders"
 
 
 class Program:
-    """A linked program that keeps its uniforms' places and values: setting what is set already costs nothing."""
+    """A linked shader program that remembers the locations and values of its uniforms, so that none is set twice."""
 
     def __init__(self, linked: ShaderProgram) -> None:
         self._linked = linked
@@ -29,7 +29,7 @@ class Program:
         self._values: dict[str, bytes] = {}
 
     def use(self) -> None:
-        """Draw with it from now on."""
+        """Make it the current program."""
         GL.glUseProgram(self._linked._program_id)
 
     def set(self, **values: np.ndarray | float) -> None:

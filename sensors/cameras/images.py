@@ -23,7 +23,7 @@ class Images:
         number: (h, w) uint16, 0 for the static world and the sky, k + 1 for the k-th instance given.
         inverse_depth: (h, w) float32, near_m / depth, 0 where nothing is hit.
 
-    Any of the three arrays is None where it was not wanted, and with it what is made of it.
+    An array is None if it was not requested; images that are derived from it are then not available.
     """
 
     near_m: float

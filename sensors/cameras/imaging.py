@@ -35,7 +35,7 @@ class Imaging(BaseModel):
         return not (self.exposure_ev or self.vignetting or self.blur_px or self.full_well_e)
 
     def seen(self, images: Images, rng: np.random.Generator) -> Images:
-        """Images as the camera gives them; materials, instances and depths stay.
+        """Return the images with these imperfections; materials, instances and depths do not change.
 
         Args:
             images: with colour, or without, which changes nothing.

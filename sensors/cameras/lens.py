@@ -1,4 +1,4 @@
-"""Lenses that bend straight lines: a distorted image from a pinhole's.
+"""Lens distortion: distorted images from those of a pinhole camera.
 
 OpenCV, Camera Calibration and 3D Reconstruction: `brown` is its plumb-bob model, radial and tangential coefficients
 k1 k2 p1 p2 k3 (Brown, Close-Range Camera Calibration, Photogrammetric Engineering 37, 1971); `fisheye` its
@@ -79,10 +79,10 @@ class Distortion(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A lens before a pinhole that is wide enough for it.
+    """A lens, and a pinhole camera whose image contains everything that the lens sees.
 
     Attributes:
-        source_projection: (3, 4) of the pinhole whose image is bent.
+        source_projection: (3, 4) projection of the pinhole camera whose image is distorted.
         source_size: its width and height [px].
         K: (3, 3) of the camera.
         size: width and height of the camera's image [px].
@@ -140,7 +140,7 @@ def undistorted(image: np.ndarray, K: np.ndarray, distortion: Distortion) -> np.
 
 
 def _remapped(images: Images, where: np.ndarray) -> Images:
-    """HitBuffer pixels: materials, numbers and depths have no means between them."""
+    """Nearest pixels: materials, numbers and depths have no means between them."""
     u, v = where[..., 0], where[..., 1]
     found = {
         name: None if array is None else cv2.remap(array, u, v, cv2.INTER_NEAREST)

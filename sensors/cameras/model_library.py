@@ -1,4 +1,4 @@
-"""Models in graphics memory, loaded when first seen, and the choice of instances worth drawing. Imports OpenGL."""
+"""Models in graphics memory, loaded on first use, and the choice of visible instances. Imports OpenGL."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ModelLibrary:
         """Rows (k,) of the instances inside the frustum, nearest first, and their boxes' corners (k, 8, 3).
 
         Args:
-            instances: everything that moves.
+            instances: movable objects.
             planes: (6, 4) float64 frustum planes, world axes.
             eye: (3,) camera centre, world frame.
         """
@@ -75,7 +75,7 @@ class ModelLibrary:
         """Draw some instances; instance k carries number k + 1, and the program must be in use.
 
         Args:
-            instances: everything that moves.
+            instances: movable objects.
             rows: (k,) which to draw.
             view: the camera.
         """

@@ -1,4 +1,4 @@
-"""Leaving out what nearer things already hide, by a coarse look at the depth drawn so far."""
+"""Occlusion culling: objects behind the surfaces drawn so far are left out, by a coarse depth buffer."""
 
 from __future__ import annotations
 

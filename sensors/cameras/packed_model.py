@@ -1,4 +1,4 @@
-"""A model as the graphics library draws it, made once for any number of renderers."""
+"""A model in the form that the graphics library draws, made once for all renderers."""
 
 from __future__ import annotations
 

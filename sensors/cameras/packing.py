@@ -77,10 +77,10 @@ def _provoking_corners(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rotate the corners of each face so that its last corner is a vertex that only this face's key uses.
 
-    A vertex speaks for one key; faces of equal key share it. Faces that find none free get a copy of one.
+    A vertex represents one key; faces of equal key share it. Faces without a free vertex get a copy of one.
 
     Returns:
-        Faces (m, 3), the original vertex of each new vertex (k,), and the key each new vertex speaks for.
+        Faces (m, 3), the original vertex of each new vertex (k,), and the key that each new vertex represents.
     """
     owner = np.full(n_vertices, -1, np.int64)
     corner = np.full(len(faces), -1, np.int64)

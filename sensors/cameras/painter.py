@@ -1,4 +1,4 @@
-"""The drawing order of one pass: what is near, what it leaves in sight, the sky. Imports OpenGL."""
+"""Drawing order of one pass: near surfaces, those that they do not hide, the sky. Imports OpenGL."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ class Painter:
         self._light, self._static = light, StaticWorld(tiles, shade)
 
     def paint(self, view: View, instances: Instances, wanted: Collection[Content]) -> dict[Content, np.ndarray]:
-        """Draw everything and read back what is wanted, as `RenderTarget.read` gives it.
+        """Draw everything and read back the requested images, as `RenderTarget.read`.
 
-        What is near goes first; of the rest, only what it does not hide.
+        Near surfaces are drawn first; of the others, only those that they do not hide.
         """
         self._context.make_current()
         self._target.begin()

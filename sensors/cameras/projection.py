@@ -1,4 +1,4 @@
-"""From KITTI's projection matrix to OpenGL's clip space, and what lies inside it."""
+"""Conversion of KITTI's projection matrix to OpenGL's clip space, and tests of what lies inside it."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def clip_matrix(P: np.ndarray, width: int, height: int, near_m: float) -> np.nda
 
 
 def frustum_planes(clip_from_world: np.ndarray, far_m: float) -> np.ndarray:
-    """Planes (6, 4) float64 a·x + d ≥ 0 inside, with unit normals: four sides, near and far."""
+    """Frustum planes (6, 4) float64 with unit normals, a·x + d ≥ 0 inside: four sides, near and far."""
     x, y, z, w = clip_from_world
     planes = np.stack([w + x, w - x, w + y, w - y, w - z, [0, 0, 0, far_m] - w])
     return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)

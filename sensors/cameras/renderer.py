@@ -38,14 +38,14 @@ class CameraRenderer:
     beyond 400 m are left out.
 
     Args:
-        static: the static world, world axes; or its tiles, where they are cut already.
+        static: the static world, world axes; or its tiles.
         models: mesh of each model name, or a function that gives it; asked once a name, when first met.
         light: sun, sky and haze.
         width, height: image size [px].
         backend: `osmesa` or `egl`.
         shade: gives the share of sun and of sky at rows of the static world's vertices, as `SunShadows` does; asked
             for those that are seen; None for none in shadow.
-        packed: models made ready already, by name and level of detail, shared with other renderers of the same
+        packed: prepared models by name and level of detail, shared with other renderers of the same
             models and added to.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The static world in graphics memory, made ready and drawn tile by tile. Imports OpenGL."""
+"""The static world in graphics memory, prepared and drawn tile by tile. Imports OpenGL."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sensors.cameras.tiles import Tiles
 
 
 class StaticWorld:
-    """One buffer that holds the tiles seen so far: most of a town is never seen from one drive through it.
+    """A buffer of the tiles seen so far, because a single drive sees only a small part of a town.
 
     Args:
         tiles: of the world.

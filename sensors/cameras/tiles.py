@@ -1,4 +1,4 @@
-"""The static world cut into square tiles, so that only those in view are made ready and drawn."""
+"""The static world cut into square tiles, of which only those in view are prepared and drawn."""
 
 from __future__ import annotations
 

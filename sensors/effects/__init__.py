@@ -1,4 +1,4 @@
-"""One physical effect a file, in rooms as light meets them, and what a user's own effect derives from."""
+"""Physical effects, one per file, in folders by stage, and base classes for user-defined effects."""
 
 from sensors.effects.base import (
     BeamEffect,

@@ -39,7 +39,7 @@ def bending(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 class Streams:
-    """One stream of random numbers an effect, so that adding one leaves the draws of the others as they were."""
+    """Random number streams, one per effect, so that an added effect does not change the draws of the others."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._root = int(rng.integers(2**63))
@@ -109,7 +109,7 @@ def act_on_returns(
 ) -> Returns:
     """The returns after all echo, point and scan effects; finite, in front of the sensor, intensity in 0–1.
 
-    `memo` keeps what each beginning of a list of effects led to, for other lists on the same shot and streams.
+    `memo` caches the returns after each prefix of the list of effects, for other lists on the same shot and streams.
     """
     clips, past, noise = list(CLIP_BEFORE), tuple[str, ...](), Noise(len(shot.rays))
     shot.noiseless = None
@@ -146,7 +146,7 @@ def act_on_returns(
 
 
 def act_on_boxes(effects: Sequence[Effect], boxes: LabelBoxes, streams: Streams, origin: str) -> LabelBoxes:
-    """The labelled boxes after all label effects."""
+    """Return the labelled boxes after all label effects."""
     for effect in effects:
         if not isinstance(effect, LabelEffect):
             continue
@@ -169,7 +169,7 @@ class Noise:
         self._range_m, self._intensity = np.zeros((2, beams), np.float32), np.zeros((2, beams), np.float32)
 
     def add(self, before: Returns, after: Returns) -> None:
-        """Add what an effect changed of the same returns."""
+        """Add the change that an effect made to the same returns."""
         at = np.minimum(before.return_no, 1), before.beam
         self._range_m[at] += after.range_m - before.range_m
         self._intensity[at] += after.intensity - before.intensity
@@ -209,7 +209,7 @@ def check_returns(effect: Effect, before: Returns, after: object, shot: Shot, or
     """Check the returns that a user's effect gave.
 
     Raises:
-        SensorError: no `Returns`, other shapes or types, NaN, or beams out of order.
+        SensorError: not `Returns`, wrong shapes or types, NaN, or unsorted beams.
     """
     if not isinstance(after, Returns):
         raise broken(effect, origin, f"returned {type(after).__name__}; return Returns")

@@ -52,7 +52,7 @@ class Effect(BaseModel):
         name: key in sensor files.
         stage: what it acts on: beams, echoes, points, the whole scan or the labels.
         phase: when it acts.
-        channel: what it is about; `also`: further channels it cannot but touch.
+        channel: the channel that it changes; `also`: further channels that it changes, too.
         equation: the equation, in one line.
         reference: source of the equation.
         taxonomy: its node in PerCollECT's LidarLimbs tree of causes and effects; empty where it has none.
@@ -102,7 +102,7 @@ class Effect(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, values: Any) -> Any:
-        """Parameters that are not said are neutral, if any is said."""
+        """Set missing parameters to their neutral values if any parameter is given."""
         if isinstance(values, dict) and values and cls.neutral:
             return {**{name: value for name, value in cls.neutral.items() if name in cls.model_fields}, **values}
         return values
@@ -113,7 +113,7 @@ class Effect(BaseModel):
         return tuple(_parameter(name, info) for name, info in cls.model_fields.items())
 
     def check(self, pattern: Pattern) -> None:
-        """Raise ValueError where the parameters do not fit the beam pattern."""
+        """Raise ValueError if the parameters do not fit the beam pattern."""
         for parameter in self.parameters():
             count = len(getattr(self, parameter.name)) if parameter.per_ring else pattern.rings
             if count != pattern.rings:
@@ -137,58 +137,58 @@ class BeamEffect(Effect):
     needs_surfaces: ClassVar[bool] = False
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """The changed beams; as many as before."""
+        """Return the changed beams; their number is unchanged."""
         raise NotImplementedError
 
 
 class EchoEffect(Effect):
-    """Decides which surfaces answer, how strongly, and whether that is noticed."""
+    """Determines which surfaces return an echo, its strength, and whether it is detected."""
 
     stage: ClassVar[Stage] = "echo"
     phase: ClassVar[Phase] = Phase.OWN_ECHO
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The changed returns; rows may go, or be replaced by those of other surfaces."""
+        """Return the changed returns; rows may be removed, or replaced by returns of other surfaces."""
         raise NotImplementedError
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """The returns with chance left out, and the probability (m,) of each to be there.
+        """Return the expected returns, and the probability (m,) of each.
 
-        Effects without chance need not say more than `apply`.
+        Deterministic effects need only `apply`.
         """
         changed = self.apply(returns, shot, np.random.default_rng(0))
         return changed, np.ones(len(changed))
 
 
 class DetectionEffect(EchoEffect):
-    """Loses returns by chance, each on its own."""
+    """Removes returns at random, independently."""
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """Probability (m,) of each return to be noticed."""
+        """Return the probability (m,) that each return is detected."""
         raise NotImplementedError
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that are noticed."""
+        """Return the detected returns."""
         return returns.take(shot.per_return(returns, rng.random((2, len(shot.rays)))) < self.kept(returns, shot))
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """All returns, and their chances."""
+        """Return all returns, and their probabilities."""
         return returns, self.kept(returns, shot)
 
 
 class PointEffect(Effect):
-    """Changes ranges and intensities of returns, and never their number."""
+    """Changes ranges and intensities of returns, but not their number."""
 
     stage: ClassVar[Stage] = "point"
     phase: ClassVar[Phase] = Phase.OWN_POINT
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The changed returns; as many as before."""
+        """Return the changed returns; their number is unchanged."""
         raise NotImplementedError
 
 
 class NoiseEffect(PointEffect):
-    """Scatters what is measured around its mean."""
+    """Adds zero-mean noise."""
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray | float, np.ndarray | float]:
         """Standard deviations of range [m] and of intensity, (m,) or one for all."""
@@ -215,7 +215,7 @@ class NoiseScaleEffect(PointEffect):
 
 
 class RoundingEffect(PointEffect):
-    """Stores values in steps, from 0 on."""
+    """Rounds values to multiples of a step."""
 
     phase: ClassVar[Phase] = Phase.ROUNDING
 
@@ -225,7 +225,7 @@ class RoundingEffect(PointEffect):
         raise NotImplementedError
 
     def rounded(self, range_m: np.ndarray, intensity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ranges and intensities of any shape as they are stored; intensities within 0–1."""
+        """Return rounded ranges and intensities of any shape; intensities are clipped to 0–1."""
         range_step_m, intensity_step = self.steps
         if range_step_m:
             range_m = np.rint(range_m / range_step_m) * range_step_m
@@ -240,26 +240,26 @@ class RoundingEffect(PointEffect):
 
 
 class ScanEffect(Effect):
-    """Adds returns that no surface gave, or removes returns."""
+    """Adds returns that come from no surface, or removes returns."""
 
     stage: ClassVar[Stage] = "scan"
     phase: ClassVar[Phase] = Phase.OWN_SCAN
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The changed returns, sorted by beam."""
+        """Return the changed returns, sorted by beam."""
         raise NotImplementedError
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """Probability (m,) of each return not to be replaced."""
+        """Return the probability (m,) that each return is not replaced."""
         return np.ones(len(returns))
 
     def silence(self, shot: Shot) -> np.ndarray:
-        """Chance (n,) of each beam that no surface answers to get no return from here either."""
+        """Return the probability (n,) that a beam without a surface gets no return from this effect either."""
         return np.ones(len(shot.rays))
 
 
 class LabelEffect(Effect):
-    """Changes what an annotator writes down of the objects, never the points."""
+    """Changes the labels of objects, not the points."""
 
     stage: ClassVar[Stage] = "label"
     phase: ClassVar[Phase] = Phase.OWN_LABEL
@@ -271,12 +271,12 @@ class LabelEffect(Effect):
 
 
 def number(description: str, *, unit: str = "", ge: float | None = None, le: float | None = None) -> Any:
-    """A required number of an effect, with its unit and bounds."""
+    """Declare a required number of an effect, with its unit and bounds."""
     return Field(description=description, ge=ge, le=le, json_schema_extra={"unit": unit})
 
 
 def per_axis(low: float, high: float) -> Any:
-    """The type of a value each for length, width and height within bounds; one number is taken for all three."""
+    """Type of values for length, width and height within bounds; a single number is used for all three."""
     item = Annotated[float, Field(ge=low, le=high)]
     return Annotated[tuple[item, item, item], BeforeValidator(_for_all_axes)]
 
@@ -286,12 +286,12 @@ def _for_all_axes(value: object) -> object:
 
 
 def per_ring(description: str, *, unit: str = "") -> Any:
-    """A required list with one value per laser; bounds are in the item's type."""
+    """Declare a required list with one value per laser; bounds are in the item's type."""
     return Field(description=description, min_length=1, max_length=256, json_schema_extra={"unit": unit})
 
 
 def bounded(low: float, high: float) -> Any:
-    """The type of a list of numbers between two bounds."""
+    """Type of a list of numbers between two bounds."""
     return tuple[Annotated[float, Field(ge=low, le=high)], ...]
 
 

@@ -1,4 +1,4 @@
-"""Errors of effects that users wrote: one line with the file and the line number."""
+"""Errors of user-defined effects: one line with the file and the line number."""
 
 from __future__ import annotations
 

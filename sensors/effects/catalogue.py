@@ -1,4 +1,4 @@
-"""All built-in effects of a LiDAR: every effect that a file of this folder, or of one in it, defines."""
+"""All built-in effects of a LiDAR: those that the files of this folder and its subfolders define."""
 
 from __future__ import annotations
 

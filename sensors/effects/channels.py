@@ -1,4 +1,4 @@
-"""Effects by channel: what an error as a function of covariates does to beams, returns and scans.
+"""Effects by channel: errors of beams, returns and scans as functions of covariates.
 
 A channel is a way in which a beam's measurement can change, named as in `cosim diagnose --json`. Each class below turns
 `error`, a function of covariates that a subclass defines, into the model of its channel for simulation and for expected

@@ -1,4 +1,4 @@
-"""A small scene, and a picture of it before and after an effect."""
+"""Pictures of a small scene before and after an effect."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def example_scene() -> tuple[Scene, np.ndarray, Instances, EgoMotion]:
 
 
 def measure_example(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns, np.ndarray]:
-    """Returns of the example scene by an HDL-64E with some effects, and positions (m, 3) of its points."""
+    """Return the returns of the example scene for an HDL-64E with effects, and positions (m, 3) of its points."""
     scene, pose, instances, ego = example_scene()
     sensor = SensorModel(load_pattern("hdl64e"), effects, "example")
     returns, shot = sensor.trace_returns(scene, pose, instances, ego, np.random.default_rng(seed))
@@ -57,7 +57,7 @@ def measure_example(effects: tuple[Effect, ...], seed: int = 0) -> tuple[Returns
 
 
 def picture(effect: Effect) -> bytes:
-    """PNG: the example from above before and after, and what became of ranges and intensities."""
+    """Return a PNG of the example before and after from above, with the changes of ranges and intensities."""
     if isinstance(effect, LabelEffect):
         return _encoded(_label_panels(effect))
     before, before_xyz = measure_example(())

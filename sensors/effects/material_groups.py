@@ -1,4 +1,4 @@
-"""Groups of materials that effects on surfaces name, and where on its own surface each return lies."""
+"""Groups of materials for effects on surfaces, and positions of returns on their surfaces."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ GROUPS: tuple[Group, ...] = ("road", "ground", "vegetation", "building", "vehicl
 
 
 def rows_of_group(group: Group, returns: Returns, shot: Shot) -> np.ndarray:
-    """Rows (k,) of the returns of surfaces of a group; `other` is what no group names, without retro-reflectors."""
+    """Rows (k,) of the returns from surfaces of a group; `other`: materials of no group except retro-reflectors."""
     return np.flatnonzero(_membership(group, shot.hits.table)[returns.material] & (returns.instance >= -1))
 
 
 def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     """Places (m, 3) float32 of returns: in the world, or in the axes of the object that they are on [m].
 
-    Objects differ by a shift that their ids decide, so that two of one model have different surfaces.
+    Positions are shifted by a vector that depends on the object's id: objects of one model have different surfaces.
     """
     points = shot.points_in_world(returns)
     rows = np.flatnonzero(returns.instance >= 0)

@@ -15,7 +15,7 @@ _PACKAGE, _FOLDER = "sensors.effects", Path(__file__).parent
 
 
 class OldNames(MetaPathFinder, Loader):
-    """Finds such a module in its room, and warns."""
+    """Finds a module by its earlier name, and warns."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -34,7 +34,7 @@ class OldNames(MetaPathFinder, Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Nothing is left to be done but to give the module its own name back."""
+        """Restore the module's own name."""
         assert module.__spec__ is not None  # of the old name
         module.__spec__ = module.__spec__.loader_state
 

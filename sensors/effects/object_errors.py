@@ -1,4 +1,4 @@
-"""Errors that all objects of a class have in common: size or place, in the axes of each object.
+"""Errors that all objects of a class share: size or position, in the axes of each object.
 
 They belong to the twin and not to the sensor. As an effect they change ranges, so that a model with them fits
 measurements of such a twin; the remedy is a twin with other objects.

@@ -31,7 +31,7 @@ Channel = Literal[
 class Phase(IntEnum):
     """Phase in which an effect acts; effects are sorted by it, whatever their order in the sensor file.
 
-    `OWN_…` phases are where a user's effect acts unless it chooses another.
+    User-defined effects act in the `OWN_…` phases by default.
     """
 
     MOUNT = auto()

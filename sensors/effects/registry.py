@@ -1,4 +1,4 @@
-"""Finds effects by name: built-in ones, installed ones, and those in a user's own file."""
+"""Registry of effects by name: built-in ones, installed ones, and those in a user's own file."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _from_file(text: str, folder: Path) -> type[Effect]:
 
 
 def _checked(kind: object, origin: str) -> type[Effect]:
-    """The class, if it keeps the rules of effects."""
+    """Return the class if it satisfies the rules of effects."""
     base = next((stage for stage in _STAGES if isinstance(kind, type) and issubclass(kind, stage)), None)
     if base is None or not isinstance(kind, type) or not issubclass(kind, Effect):
         names = ", ".join(stage.__name__ for stage in _STAGES)

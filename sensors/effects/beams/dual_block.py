@@ -1,4 +1,4 @@
-"""The HDL-64E's two blocks of lasers look out of two windows, one above the other."""
+"""The HDL-64E's two blocks of lasers have different optical centres."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DualBlock(BeamEffect):
     lower_m: float = number("height of the lower block's centre above the sensor's origin", unit="m", ge=-1, le=1)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams out of two centres, which the sensor reports too."""
+        """Return beams with two optical centres, which the sensor knows."""
         rise = np.zeros((len(beams.rays), 3), np.float32)
         rise[:, 2] = np.where(shot.block == 0, self.upper_m, self.lower_m)
         rays = replace(beams.rays, origin=beams.rays.origin + rise)

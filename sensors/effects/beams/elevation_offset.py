@@ -1,4 +1,4 @@
-"""Every laser looks a little higher or lower than the sensor believes."""
+"""Common elevation error of all lasers."""
 
 from __future__ import annotations
 
@@ -33,5 +33,5 @@ class ElevationOffset(BeamEffect):
     offset_deg: float = number("how much higher the true beams are", unit="°", ge=-5, le=5)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams raised in their vertical planes."""
+        """Return the beams raised in their vertical planes."""
         return beams.raised(np.radians(self.offset_deg))

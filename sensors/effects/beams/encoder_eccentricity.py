@@ -1,4 +1,4 @@
-"""The encoder's disc does not turn about its centre."""
+"""Eccentric encoder disc."""
 
 from __future__ import annotations
 
@@ -29,6 +29,6 @@ class EncoderEccentricity(BeamEffect):
     phase_deg: float = number("φ, where on the circle the error vanishes", unit="°", ge=-360, le=360)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams turned about the sensor's axis."""
+        """Return the beams turned about the sensor's axis."""
         azimuth = beams.rays.azimuth.astype(np.float64)
         return beams.turned(np.radians(self.amplitude_deg) * np.sin(azimuth + np.radians(self.phase_deg)))

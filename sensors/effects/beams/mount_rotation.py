@@ -16,7 +16,7 @@ from sensors.shot import Shot
 class MountRotation(BeamEffect):
     """True LiDAR pose = nominal pose · R, R = Rz(yaw)·Ry(pitch)·Rx(roll), right-handed about x forward, y left, z up.
 
-    Points are still written along nominal directions, so the turn shows in ranges. Pitch > 0 is nose down.
+    Points are still written along nominal directions, so that the rotation changes ranges. Pitch > 0 is nose down.
     """
 
     name: ClassVar = "mount_rotation"
@@ -33,7 +33,7 @@ class MountRotation(BeamEffect):
     yaw_deg: float = number("turn about the up axis, to the left", unit="°", ge=-180, le=180)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams whose mount is turned."""
+        """Return beams with a rotated mount."""
         roll, pitch, yaw = np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
         turn = np.eye(4)
         turn[:3, :3] = about(2, yaw) @ about(1, pitch) @ about(0, roll)

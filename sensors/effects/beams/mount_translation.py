@@ -37,7 +37,7 @@ class MountTranslation(BeamEffect):
     z_m: float = number("shift up", unit="m", ge=-2, le=2)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams whose mount is shifted; the shift comes before any turn of the mount."""
+        """Return beams with a shifted mount; the shift is applied before a rotation of the mount."""
         shift = np.eye(4)
         shift[:3, 3] = self.x_m, self.y_m, self.z_m
         return replace(beams, mount=shift @ beams.mount)

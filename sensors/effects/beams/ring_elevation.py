@@ -1,4 +1,4 @@
-"""Each laser looks higher or lower than its calibration says."""
+"""Elevation error of each laser."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ class RingElevation(BeamEffect):
     offsets_deg: bounded(-5, 5) = per_ring("how much higher each true beam is, ring 0 first", unit="°")  # type: ignore[valid-type]
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams raised ring by ring."""
+        """Return the beams raised by ring."""
         return beams.raised(np.radians(np.array(self.offsets_deg))[beams.rays.ring])

@@ -1,4 +1,4 @@
-"""Accelerating lifts the nose of the vehicle, braking dips it."""
+"""The vehicle pitches up when it accelerates and down when it brakes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SuspensionPitch(BeamEffect):
     gain_deg_per_mps2: float = number("pitch per forward acceleration", unit="°/(m/s²)", ge=-5, le=5)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams of a tilted vehicle."""
+        """Return the beams of a pitched vehicle."""
         if shot.world is None:
             raise ValueError("suspension_pitch needs the vehicle's acceleration; measure with trace_and_measure")
         pitch = -np.radians(self.gain_deg_per_mps2) * shot.world.ego.forward_acceleration_mps2

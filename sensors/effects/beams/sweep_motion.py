@@ -1,4 +1,4 @@
-"""The vehicle and everything else go on moving while the head turns once."""
+"""The vehicle and all objects move during a revolution."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SweepMotion(BeamEffect):
     sweep_s: float = number("T, duration of a revolution", unit="s", ge=0, le=2)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams that leave one column after the other."""
+        """Return beams that are emitted column by column."""
         if self.sweep_s == 0:
             return beams
         firing_s = beams.rays.time_s * np.float32(self.sweep_s / shot.pattern.sweep_s)

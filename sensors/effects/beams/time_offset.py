@@ -1,4 +1,4 @@
-"""Clocks of poses and scans disagree."""
+"""Offset between the clocks of poses and scans."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ class TimeOffset(BeamEffect):
     delay_s: float = number("how much later the scan was taken", unit="s", ge=-1, le=1)
 
     def apply(self, beams: Beams, shot: Shot, rng: np.random.Generator) -> Beams:
-        """Beams that see a later world."""
+        """Return beams that are emitted later."""
         return replace(beams, delay_s=beams.delay_s + self.delay_s)

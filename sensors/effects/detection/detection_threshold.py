@@ -1,4 +1,4 @@
-"""Weak returns are missed, the weaker the more often."""
+"""Weak returns are lost: the weaker, the more probably."""
 
 from __future__ import annotations
 
@@ -41,6 +41,6 @@ class DetectionThreshold(DetectionEffect):
     softness: float = number("width of the change from lost to kept", ge=0.0001, le=1)
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """The more likely, the stronger."""
+        """Return the probability (m,) of each return."""
         excess = (returns.intensity - self.threshold) / self.softness
         return 1 / (1 + np.exp(-np.clip(excess, -50, 50)))

@@ -1,4 +1,4 @@
-"""Leaves split a beam: what each of them returns is too little to be noticed."""
+"""Leaves split a beam into echoes that are too weak to be detected."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FoliageLoss(DetectionEffect):
     range_m: float = number("R₀, range at which half of that is lost", unit="m", ge=0.1, le=200)
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """Less on vegetation, the farther the less."""
+        """Return the probability (m,) of each return; below 1 on vegetation, decreasing with range."""
         kept = np.ones(len(returns))
         rows = rows_of_group("vegetation", returns, shot)
         range_m = returns.range_m[rows].astype(np.float64)

@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class IntensityCutoff(ScanEffect):
-    """I − ε, and returns below zero are lost. It acts on the noisy intensity, so weak returns are lost by chance."""
+    """I − ε; returns below zero are lost. It acts on the noisy intensity, so that weak returns are lost at random."""
 
     name: ClassVar = "intensity_cutoff"
     phase: ClassVar = Phase.CUTOFF
@@ -30,10 +30,10 @@ class IntensityCutoff(ScanEffect):
     epsilon: float = number("ε, least intensity that counts", ge=0, le=0.9)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that are left, ε weaker."""
+        """Return the remaining returns, weaker by ε."""
         less = replace(returns, intensity=returns.intensity - np.float32(self.epsilon))
         return less.take(less.intensity >= 0)
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """1 where a return is strong enough, else 0."""
+        """Return 1 for returns that are strong enough, else 0."""
         return (returns.intensity >= np.float32(self.epsilon)).astype(float)

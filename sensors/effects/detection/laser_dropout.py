@@ -1,4 +1,4 @@
-"""Each laser loses a share of its returns of its own."""
+"""Each laser loses its own share of returns."""
 
 from __future__ import annotations
 

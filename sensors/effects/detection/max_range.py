@@ -1,4 +1,4 @@
-"""Dark surfaces are seen less far."""
+"""Maximum range that depends on reflectance."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class MaxRange(EchoEffect):
     range_m: float = number("range on a target of 10 % reflectance", unit="m", ge=1, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns within reach."""
+        """Return the returns within the maximum range."""
         return returns.take(
             returns.range_m <= np.float32(self.range_m) * np.sqrt(returns.reflectance / np.float32(0.1))
         )

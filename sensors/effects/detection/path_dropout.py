@@ -1,4 +1,4 @@
-"""Returns are lost on the way, the more the longer it is."""
+"""Losses that increase with range."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sensors.shot import Shot
 
 
 class PathDropout(DetectionEffect):
-    """Kept with probability exp(−R/L): every metre of air holds the same chance that something spoils the pulse.
+    """Kept with probability exp(−R/L): on every metre of air the pulse is blocked with the same probability.
 
     Twigs, insects, exhaust and air turbulence block pulses to bright and dark surfaces equally. From 5 to 50 m the
     share of firings missing within one surface in KITTI's scans is proportional to range.
@@ -38,5 +38,5 @@ class PathDropout(DetectionEffect):
     mean_path_m: float = number("L, the way after which 1/e of the pulses are left", unit="m", ge=1, le=1e6)
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """The more likely, the nearer."""
+        """Return the probability (m,) of each return, decreasing with range."""
         return np.exp(-returns.range_m.astype(np.float64) / self.mean_path_m)

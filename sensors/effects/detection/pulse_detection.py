@@ -1,4 +1,4 @@
-"""A pulse is noticed by what light comes back, whatever gain its brightness is reported with."""
+"""Detection depends on the received power, not on the gain of the reported intensity."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ class PulseDetection(DetectionEffect):
     steepness: float = number("k, how quickly the chance rises with the signal", ge=0.1, le=50)
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """The more likely, the more light comes back."""
+        """Return the probability (m,) of each return, increasing with the received power."""
         weakness = self.signal / np.maximum(returns.intensity.astype(np.float64), 1e-12)
         return np.where(shot.is_material("retro", returns), 1.0, 1 / (1 + weakness**self.steepness))

@@ -1,4 +1,4 @@
-"""Returns are lost for no reason that shows."""
+"""Random losses."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ class RandomDropout(DetectionEffect):
     probability: float = number("share of returns lost", ge=0, le=1)
 
     def kept(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """One for all."""
+        """Return one probability for all."""
         return np.full(len(returns), 1 - self.probability)

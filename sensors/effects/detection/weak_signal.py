@@ -1,4 +1,4 @@
-"""Weak echoes are reported darker than they are, and the weakest with intensity zero."""
+"""Intensities of weak echoes are reported too low, those of the weakest as zero."""
 
 from __future__ import annotations
 

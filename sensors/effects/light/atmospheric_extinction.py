@@ -1,4 +1,4 @@
-"""Air, fog and rain take light out of the beam, both ways."""
+"""Air, fog and rain attenuate the beam in both directions."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ class AtmosphericExtinction(EchoEffect):
     alpha_per_m: float = number("α, extinction coefficient", unit="1/m", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Weaker returns from afar; the weakest are gone."""
+        """Return returns attenuated with range; the weakest are lost."""
         intensity = returns.intensity * np.exp(np.float32(-2 * self.alpha_per_m) * returns.range_m)
         return replace(returns, intensity=intensity).take(intensity >= _LOST_BELOW)

@@ -1,4 +1,4 @@
-"""Detectors and their amplifiers answer less than linearly."""
+"""Compressive response of detectors and amplifiers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class DetectorCompression(EchoEffect):
-    """I → c·(I/c)^γ: with γ < 1 what is brighter than the pivot c is reported darker, what is darker brighter."""
+    """I → c·(I/c)^γ: with γ < 1 intensities above the pivot c are reduced, those below it are raised."""
 
     name: ClassVar = "detector_compression"
     phase: ClassVar = Phase.COMPRESSION
@@ -31,7 +31,7 @@ class DetectorCompression(EchoEffect):
     pivot: float = number("c, the intensity that is not changed", ge=0.01, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Compressed returns."""
+        """Return returns with compressed intensities."""
         pivot = np.float32(self.pivot)
         level = pivot * (np.maximum(returns.intensity, 0) / pivot) ** np.float32(self.gamma)
         return replace(returns, intensity=level)

@@ -1,4 +1,4 @@
-"""The HDL-64E's receivers are focused at one distance and compensated for it."""
+"""Focus of the HDL-64E's receivers, and its compensation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class FocalResponse(EchoEffect):
     slope: float = number("strength of the compensation", ge=-10, le=10)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with the sensor's own compensation."""
+        """Return returns with the sensor's own compensation."""
         focus = 256 * (1 - 100 * self.focal_distance_m / 13100) ** 2
         away = np.abs(focus - 256 * (1 - returns.range_m / np.float32(0.002 * 65535)) ** 2)
         return replace(returns, intensity=returns.intensity + np.float32(self.slope / 255) * away.astype(np.float32))

@@ -1,4 +1,4 @@
-"""Slanted surfaces send less light back."""
+"""Received power decreases with the incidence angle."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ class IncidenceFalloff(EchoEffect):
     exponent: float = number("n", ge=0, le=20)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Weaker returns of slanted surfaces."""
+        """Return returns attenuated by incidence."""
         cos = shot.cos_incidence(returns)
         return replace(returns, intensity=returns.intensity * cos ** np.float32(self.exponent))

@@ -1,4 +1,4 @@
-"""Returns weaken in proportion to distance."""
+"""Intensity decreases linearly with range."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class LinearFalloff(EchoEffect):
-    """I·max(1 − R/R_end, 0): the straight line that simulators draw where a sensor evens its gain out over range."""
+    """I·max(1 − R/R_end, 0): the straight line of simulators for sensors that compensate their gain over range."""
 
     name: ClassVar = "linear_falloff"
     phase: ClassVar = Phase.LINEAR_FALLOFF
@@ -28,6 +28,6 @@ class LinearFalloff(EchoEffect):
     end_m: float = number("R_end, where nothing is left", unit="m", ge=10, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Weaker returns of far surfaces."""
+        """Return returns attenuated with range."""
         left = np.maximum(1 - returns.range_m / np.float32(self.end_m), np.float32(0))
         return replace(returns, intensity=returns.intensity * left)

@@ -1,4 +1,4 @@
-"""Varnished paint mirrors a part of the light away."""
+"""Varnished paint reflects a part of the light specularly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class PaintGloss(EchoEffect):
-    """On `paint` materials I·((1 − gloss) + gloss·cosⁿθ): a varnished surface answers well only head-on."""
+    """On `paint` materials I·((1 − gloss) + gloss·cosⁿθ): a varnished surface is bright only at normal incidence."""
 
     name: ClassVar = "paint_gloss"
     phase: ClassVar = Phase.GLOSS
@@ -31,7 +31,7 @@ class PaintGloss(EchoEffect):
     exponent: float = number("n, narrowness of the lobe", ge=0, le=200)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Weaker returns of slanted paint."""
+        """Return returns of paint attenuated by incidence."""
         lobe = 1 - self.gloss + self.gloss * shot.cos_incidence(returns) ** np.float32(self.exponent)
         painted = shot.is_material("paint", returns)
         return replace(

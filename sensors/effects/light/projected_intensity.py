@@ -1,4 +1,4 @@
-"""Brightness as the camera sees it, turned into the intensity of a LiDAR."""
+"""Intensity computed from the brightness in the camera image."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ProjectedIntensity(EchoEffect):
     peak_contrast: float = number("how much brighter than the 41 × 41 pixels around", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns as bright as the camera saw them."""
+        """Return returns with intensities from the camera image."""
         things = len(shot.hits.paint)
         law = LAWS[self.preset](rng, things)
         gray, reflector = self._brightness(returns, shot)

@@ -1,4 +1,4 @@
-"""Far surfaces send less light back."""
+"""Received power decreases with range."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensors.shot import Shot
 
 
 class RangeFalloff(EchoEffect):
-    """I·(1 + R/R0)^−p: what is left of 1/R² after the near range's defocusing and the sensor's own compensation."""
+    """I·(1 + R/R0)^−p: the remainder of 1/R² after defocusing at short range and the sensor's own compensation."""
 
     name: ClassVar = "range_falloff"
     phase: ClassVar = Phase.RANGE_FALLOFF

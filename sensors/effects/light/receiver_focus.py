@@ -37,7 +37,7 @@ class ReceiverFocus(EchoEffect):
     blur_m: float = number("w, distance below which blur rules", unit="m", ge=0.1, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Weaker returns from far beyond the focus and from near before it."""
+        """Return returns attenuated far beyond the focus and before it."""
         f, w = self.focus_m, self.blur_m
         best = f * w**2 / (f**2 + w**2)
         signal = self._inverse(best) / self._inverse(returns.range_m)

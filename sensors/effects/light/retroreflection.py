@@ -1,4 +1,4 @@
-"""Plates, signs and lamps send light straight back."""
+"""Plates, signs and lamps are retro-reflective."""
 
 from __future__ import annotations
 
@@ -29,6 +29,6 @@ class Retroreflection(EchoEffect):
     gain: float = number("how much more a retro-reflector returns", ge=0, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Brighter returns of retro-reflectors."""
+        """Return returns with brighter retro-reflectors."""
         retro = shot.is_material("retro", returns)
         return replace(returns, intensity=np.where(retro, returns.intensity * np.float32(self.gain), returns.intensity))

@@ -28,6 +28,6 @@ class RingGain(EchoEffect):
     gains: bounded(0, 10) = per_ring("gain of each laser, ring 0 first")  # type: ignore[valid-type]
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns scaled ring by ring."""
+        """Return returns scaled by ring."""
         gains = np.array(self.gains, np.float32)[shot.rays.ring[returns.beam]]
         return replace(returns, intensity=returns.intensity * gains)

@@ -16,7 +16,7 @@ class SurfaceModel:
 
     Attributes:
         r1: (k + 1,) float32 factor of the brightness.
-        r2: (k + 1,) float32 what a black surface returns.
+        r2: (k + 1,) float32 intensity of a black surface.
         exponent: (k + 1,) float32 n.
     """
 

@@ -1,4 +1,4 @@
-"""Reported intensity scatters from firing to firing, and a strong report is followed by a weak one."""
+"""Noise of reported intensities that is negatively correlated between consecutive firings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class FiringNoise(NoiseEffect):
     least: float = number("least intensity that is reported, zeros apart", ge=0, le=0.5)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Scattered intensities."""
+        """Return returns with noisy intensities."""
         draw = rng.standard_normal((2, len(shot.rays)), np.float32)
         draw[:, 1:] -= np.float32(self.theta) * draw[:, :-1].copy()
         noise = shot.per_return(returns, draw) * np.float32(self.sigma / np.sqrt(1 + self.theta**2))
@@ -43,5 +43,5 @@ class FiringNoise(NoiseEffect):
         return replace(returns, intensity=np.where(returns.intensity > 0, scattered, returns.intensity))
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]:
-        """None in range; σ in intensity where it is not zero."""
+        """Return 0 for range, and σ of intensities that are not zero."""
         return 0.0, np.where(returns.intensity > 0, self.sigma, 0.0)

@@ -1,4 +1,4 @@
-"""Beams enter foliage and return from leaves within."""
+"""Beams penetrate foliage and return from leaves inside."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class FoliageDepth(PointEffect):
     """On foliage R + s, s drawn from e^(−s/mean) up to the depth of the leaves: a beam's way before it meets one.
 
     The meshes of crowns and hedges are their outer leaves. A medium of leaf area density u, whose leaves turn any way,
-    stops a share u/2 of what still travels on every metre, so that the mean depth is 2/u.
+    blocks a share u/2 of the remaining light on every metre, so that the mean depth is 2/u.
     """
 
     name: ClassVar = "foliage_depth"
@@ -35,7 +35,7 @@ class FoliageDepth(PointEffect):
     most_m: float = number("depth of the leaves; nothing returns from farther within", unit="m", ge=0.01, le=10)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns of foliage from within it."""
+        """Return returns from inside foliage."""
         share = shot.per_return(returns, rng.random((2, len(shot.rays)), np.float32))
         if self.mean_m == 0:
             return returns

@@ -1,4 +1,4 @@
-"""Slanted surfaces stretch the pulse."""
+"""Range bias that depends on the incidence angle, because inclined surfaces stretch the pulse."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class IncidenceBias(PointEffect):
     gain_m: float = number("g, range error at 45°", unit="m", ge=-1, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Ranges biased by slant."""
+        """Return returns with ranges biased by incidence."""
         cos = np.maximum(shot.cos_incidence(returns), np.float32(1e-6))
         tangent = np.minimum(np.sqrt(np.maximum(1 - cos * cos, 0)) / cos, 10)
         surface = returns.instance != NOTHING

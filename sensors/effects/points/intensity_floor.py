@@ -42,7 +42,7 @@ class IntensityFloor(PointEffect):
     softness: float = _optional("width of the change from zero to reported", le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns less the floor, the weakest of them zero."""
+        """Return returns without the noise floor, the weakest with intensity zero."""
         above = np.maximum(returns.intensity - np.float32(self.floor), 0) / np.float32(1 - self.floor)
         # A logistic draw makes the hard step soft.
         draw = shot.per_return(returns, rng.random((2, len(shot.rays)), np.float32)).astype(np.float64)

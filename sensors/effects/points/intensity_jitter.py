@@ -35,10 +35,10 @@ class IntensityJitter(NoiseEffect):
     sigma: float = number("σ, standard deviation of the reported intensity", ge=0, le=0.5)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Scattered intensities; below zero where the noise outweighs the signal."""
+        """Return returns with noisy intensities; below zero if noise exceeds the signal."""
         noise = shot.per_return(returns, rng.standard_normal((2, len(shot.rays)), np.float32))
         return replace(returns, intensity=returns.intensity + np.float32(self.sigma) * noise)
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[float, float]:
-        """None in range; σ in intensity."""
+        """Return 0 for range, and σ of intensity."""
         return 0.0, self.sigma

@@ -1,4 +1,4 @@
-"""Intensities scatter."""
+"""Noise of intensities in proportion to intensity."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class IntensityNoise(NoiseEffect):
     sigma_rel: float = number("σ relative to the intensity", ge=0, le=2)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Scattered intensities."""
+        """Return returns with noisy intensities."""
         noise = shot.per_return(returns, rng.standard_normal((2, len(shot.rays)), np.float32))
         return replace(returns, intensity=returns.intensity * (1 + np.float32(self.sigma_rel) * noise))
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[float, np.ndarray]:
-        """No spread of range; of intensity in proportion to it."""
+        """Return 0 for range, and σ in proportion to intensity."""
         return 0.0, np.float32(self.sigma_rel) * returns.intensity

@@ -1,4 +1,4 @@
-"""Intensities are stored in steps."""
+"""Quantised intensities."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ class IntensityQuantization(RoundingEffect):
 
     @property
     def steps(self) -> tuple[float, float]:
-        """Variance of intensities only."""
+        """Return the step of intensities, and 0 for ranges."""
         return 0.0, self.step

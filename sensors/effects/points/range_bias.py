@@ -28,5 +28,5 @@ class RangeBias(PointEffect):
     offset_m: float = number("b, what is added", unit="m", ge=-5, le=5)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Shifted ranges."""
+        """Return returns with shifted ranges."""
         return replace(returns, range_m=returns.range_m + np.float32(self.offset_m))

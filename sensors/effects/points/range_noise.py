@@ -1,4 +1,4 @@
-"""Ranges scatter."""
+"""Gaussian noise of ranges."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ class RangeNoise(NoiseEffect):
         return replace(returns, range_m=np.maximum(returns.range_m + sigma * noise, np.float32(0)))
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[np.ndarray, float]:
-        """σ by range; no spread of intensity."""
+        """Return σ by range, and 0 for intensity."""
         return np.hypot(np.float32(self.sigma_m), np.float32(self.sigma_per_m) * returns.range_m), 0.0

@@ -1,4 +1,4 @@
-"""Ranges are counted in steps."""
+"""Quantised ranges."""
 
 from __future__ import annotations
 
@@ -22,5 +22,5 @@ class RangeQuantization(RoundingEffect):
 
     @property
     def steps(self) -> tuple[float, float]:
-        """Variance of ranges only."""
+        """Return the step of ranges, and 0 for intensities."""
         return self.step_m, 0.0

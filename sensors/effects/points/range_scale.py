@@ -1,4 +1,4 @@
-"""The clock of the time-of-flight counter runs slow or fast."""
+"""Scale error of ranges: the clock of the time-of-flight counter is slow or fast."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ class RangeScale(PointEffect):
     scale_ppm: float = number("s", unit="ppm", ge=-50000, le=50000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Stretched ranges."""
+        """Return returns with scaled ranges."""
         return replace(returns, range_m=returns.range_m * np.float32(1 + self.scale_ppm * 1e-6))

@@ -1,4 +1,4 @@
-"""Ranges scatter more often far than a normal distribution has it."""
+"""Range noise with heavy tails."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sensors.shot import Shot
 class RangeTail(NoiseEffect):
     """R + σ·t·√((ν − 2)/ν), t of Student's distribution with ν degrees of freedom: standard deviation σ, heavy tails.
 
-    On smooth road of KITTI's scans the steps of range between neighbours have a 90 % quantile of 2.8 times their
+    On smooth road of KITTI's scans differences of range between neighbours have a 90 % quantile of 2.8 times their
     median; normal noise has 2.4 times. Lasers and surfaces that differ in noise make such a mixture.
     """
 
@@ -40,5 +40,5 @@ class RangeTail(NoiseEffect):
         return replace(returns, range_m=np.maximum(range_m, np.float32(0)))
 
     def spread(self, returns: Returns, shot: Shot) -> tuple[float, float]:
-        """σ for all; no spread of intensity."""
+        """Return one σ of range, and 0 for intensity."""
         return self.sigma_m, 0.0

@@ -1,4 +1,4 @@
-"""Weak echoes cross the threshold later."""
+"""Range walk: weak echoes cross the detection threshold later."""
 
 from __future__ import annotations
 
@@ -30,6 +30,6 @@ class RangeWalk(PointEffect):
     decay: float = number("k, how fast it fades with intensity", ge=0, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Ranges delayed by weakness."""
+        """Return returns with ranges increased for weak echoes."""
         delay = np.float32(self.amplitude_m) * np.exp(np.float32(-self.decay) * returns.intensity)
         return replace(returns, range_m=returns.range_m + delay)

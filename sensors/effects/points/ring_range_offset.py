@@ -28,6 +28,6 @@ class RingRangeOffset(PointEffect):
     offsets_m: bounded(-5, 5) = per_ring("what is added for each laser, ring 0 first", unit="m")  # type: ignore[valid-type]
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Ranges shifted ring by ring."""
+        """Return returns with ranges shifted by ring."""
         offsets = np.array(self.offsets_m, np.float32)[shot.rays.ring[returns.beam]]
         return replace(returns, range_m=returns.range_m + offsets)

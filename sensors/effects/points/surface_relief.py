@@ -1,4 +1,4 @@
-"""Surfaces are rough: what the twin has as a plane lies now nearer, now farther."""
+"""Roughness of surfaces that are planes in the twin."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _GRAZING = 0.2  # beams at smaller grazing angles hit only the tops
 class SurfaceRelief(PointEffect):
     """R − h/max(cosθ, 0.2), h = σ_c·f(p/c) + σ_f·g(p/f): displacement along the normal by a height fixed in space.
 
-    A height of the texture of asphalt, of grass or of plaster is small against the distance, so the beam meets the
+    The height of the texture of asphalt, grass or plaster is small compared with the range, so that the beam hits the
     displaced plane h/cosθ earlier.
     """
 
@@ -50,7 +50,7 @@ class SurfaceRelief(PointEffect):
     fine_m: float = number("f, cell of the fine relief", unit="m", ge=0.005, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns of the displaced surfaces."""
+        """Return returns from the displaced surfaces."""
         rows = rows_of_group(self.surfaces, returns, shot)
         rough = returns.take(rows)
         places = points_on_surface(rough, shot)

@@ -1,1 +1,1 @@
-"""Points that are added, taken away or moved together."""
+"""Effects that add or remove returns of a whole scan."""

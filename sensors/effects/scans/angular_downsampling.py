@@ -17,7 +17,7 @@ from sensors.shot import Shot
 class AngularDownsampling(ScanEffect):
     """Keep only the return nearest to the centre of each cell of azimuth and elevation.
 
-    `image` as field keeps what falls into the camera's image, by KITTI's calibration where the frame has no camera.
+    With the field `image` only points in the camera's image are kept; without a camera KITTI's calibration is used.
     """
 
     name: ClassVar = "angular_downsampling"
@@ -34,7 +34,7 @@ class AngularDownsampling(ScanEffect):
     field: Literal["all", "image"] = Field(description="whether returns outside the image are kept")
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that are kept."""
+        """Return the returns that are kept."""
         if self.field == "image":
             returns = returns.take(_in_image(returns, shot))
         x, y, z = shot.rays.direction.take(returns.beam, axis=0).astype(np.float64).T

@@ -1,4 +1,4 @@
-"""Drops of fog and rain answer before the target does."""
+"""Droplets of fog and rain return echoes before the target does."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BEHIND_M = 1.0  # possible range error of a twin's surface
 class Backscatter(ScanEffect):
     """Per beam and metre, hazard density·e^(−r/mean_range) from the nearest measurable range on; the nearest echo wins.
 
-    Also beams that meet nothing may answer. Intensity is 0.02 ± 20 %.
+    Beams that hit nothing may return, too. Intensity is 0.02 ± 20 %.
     """
 
     name: ClassVar = "backscatter"
@@ -38,7 +38,7 @@ class Backscatter(ScanEffect):
     mean_range_m: float = number("how far drops are seen", unit="m", ge=0.1, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with drops in front of them."""
+        """Return returns, some of them replaced by droplets in front."""
         beams = len(shot.rays)
         hazard, brightness = rng.exponential(size=beams), rng.normal(1, 0.2, beams).clip(0, 2)
         near, far = shot.pattern.range_m
@@ -52,15 +52,15 @@ class Backscatter(ScanEffect):
         return returns.replacing_beams(Returns.spurious(beam, echo[beam], _INTENSITY * brightness[beam]))
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """Chance that no drop answers before the surface does."""
+        """Return the probability (m,) of no droplet before the surface."""
         return np.exp(-self._hazard_up_to(returns.range_m, shot))
 
     def silence(self, shot: Shot) -> np.ndarray:
-        """Chance that no drop answers as far as the beam goes."""
+        """Return the probability (n,) of no droplet along the whole beam."""
         return np.exp(-self._hazard_up_to(self._free_path(shot), shot))
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Hazard at the range times the chance to get there; none behind the surface."""
+        """Return the hazard at the range times the probability to reach it; 0 behind the surface."""
         hazard = self.density_per_m * np.exp(-range_m / self.mean_range_m)
         possible = (range_m >= shot.pattern.range_m[0]) & (range_m <= self._free_path(shot)[beam] + _BEHIND_M)
         return hazard * np.exp(-self._hazard_up_to(range_m, shot)) * possible

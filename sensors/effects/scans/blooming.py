@@ -18,9 +18,9 @@ _BLUR_M = 0.1  # of a reflector's range, by poses
 
 
 class Blooming(ScanEffect):
-    """Beams within `radius_deg` of a retro return brighter than `threshold` that see something farther answer there.
+    """Beams within `radius_deg` of a retro return above `threshold` return from there if their surface is farther.
 
-    They report the reflector's range with 0.3 of its intensity; of several reflectors the nearest in angle counts.
+    They report the reflector's range with 0.3 of its intensity; of several reflectors the nearest in angle is used.
     """
 
     name: ClassVar = "blooming"
@@ -41,7 +41,7 @@ class Blooming(ScanEffect):
     threshold: float = number("intensity above which a reflector blooms", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with halos."""
+        """Return returns with halos."""
         bright = shot.is_material("retro", returns) & (returns.intensity > self.threshold)
         source, others = returns.take(bright), np.flatnonzero(~bright)
         if not len(source) or self.radius_deg == 0:
@@ -62,12 +62,12 @@ class Blooming(ScanEffect):
         )
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """0 where a halo covers a surface behind it."""
+        """Return 0 for surfaces that a halo covers, else 1."""
         glow_m = self._glow(shot)[returns.beam]
         return 1.0 - (returns.range_m > glow_m)
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """At the reflector's range."""
+        """Return the density at the reflector's range."""
         return normal_density(range_m - self._glow(shot)[beam], _BLUR_M)
 
     def _glow(self, shot: Shot) -> np.ndarray:

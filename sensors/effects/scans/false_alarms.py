@@ -1,4 +1,4 @@
-"""Sunlight and other sensors' pulses are taken for echoes."""
+"""False returns from sunlight and other sensors' pulses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sensors.shot import Shot
 
 
 class FalseAlarms(ScanEffect):
-    """A Poisson number of beams of an azimuth sector (sensor axes) answers at a range uniform over the measurable one.
+    """A Poisson number of beams of an azimuth sector (sensor axes) returns from a uniform range.
 
     Each replaces its beam's return; intensity is uniform in 0–0.1.
     """
@@ -39,7 +39,7 @@ class FalseAlarms(ScanEffect):
     width_deg: float = number("width of the sector", unit="°", ge=0, le=360)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with false ones among them."""
+        """Return returns, some of them replaced by false ones."""
         sector = np.flatnonzero(self._in_sector(shot.rays.azimuth))
         count = min(int(rng.poisson(self.rate_per_frame)), len(sector))
         beam = np.sort(rng.choice(sector, count, replace=False)) if count else sector[:0]
@@ -47,7 +47,7 @@ class FalseAlarms(ScanEffect):
         return returns.replacing_beams(false)
 
     def survival(self, returns: Returns, shot: Shot) -> np.ndarray:
-        """Chance of a beam not to be among those that answer falsely."""
+        """Return the probability that a beam has no false return."""
         return 1 - self._share(returns.beam, shot)
 
     def silence(self, shot: Shot) -> np.ndarray:
@@ -55,7 +55,7 @@ class FalseAlarms(ScanEffect):
         return 1 - self._share(np.arange(len(shot.rays)), shot)
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Uniform over the measurable ranges."""
+        """Return a density that is uniform over the measurable ranges."""
         near, far = shot.pattern.range_m
         return self._share(beam, shot) / (far - near)
 

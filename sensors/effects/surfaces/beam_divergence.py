@@ -1,4 +1,4 @@
-"""A beam is not a line: its footprint meets several surfaces at an edge."""
+"""Beam divergence: the footprint of a beam hits several surfaces at an edge."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class BeamDivergence(EchoEffect):
     pulse_ns: float = number("τ, length of the pulse", unit="ns", ge=0, le=1000)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns of whole footprints."""
+        """Return returns of whole footprints."""
         if self.divergence_mrad == 0:
             return returns
         if shot.world is None or shot.beams is None:
@@ -60,7 +60,7 @@ class BeamDivergence(EchoEffect):
         return strongest_echo(returns, shot.hits, shot.kept(slot, make), pulse_m=self._pulse_m)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """Returns of whole footprints, and how likely it is that no other part of these answers."""
+        """Return returns of whole footprints, and the probability (m,) that no other part of them returns."""
         if not self._is_replayed(shot):
             changed = self.apply(returns, shot, np.random.default_rng(0))
             return changed, np.ones(len(changed))
@@ -70,7 +70,7 @@ class BeamDivergence(EchoEffect):
         return changed, 1 - CHANCE * split[changed.beam]
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Ranges of the other parts of the footprint."""
+        """Return the density of ranges of the other parts of the footprint."""
         if not self._is_replayed(shot):
             return np.zeros(len(beam))
         ranges, split = self._parts(shot)

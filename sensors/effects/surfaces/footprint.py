@@ -1,4 +1,4 @@
-"""Samples of a beam's footprint, and the echo they give together."""
+"""Samples of a beam's footprint, and their combined echo."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def directions_aside(middle: np.ndarray, radius_rad: float) -> np.ndarray:
 
 
 def strongest_echo(returns: Returns, middle: Hits, aside: Hits, pulse_m: float) -> Returns:
-    """One return a beam, of the strongest group of samples that merge.
+    """Return one return per beam, from the strongest group of samples that merge.
 
     Samples merge when their ranges are closer than `pulse_m`, or when they lie on one flat face: between them the
     footprint fills the face, and the pulse is stretched, not split.

@@ -19,7 +19,7 @@ _MOST = 12
 
 
 class FootprintCache:
-    """Samples around some beams of a revolution, as these were traced.
+    """Samples around some beams of a revolution, as traced.
 
     Args:
         shot: of some beams of a revolution.
@@ -39,7 +39,7 @@ class FootprintCache:
         self._met = [middle.take(np.repeat(np.arange(len(beam)), SAMPLES))]
 
     def met(self, radius_rad: float) -> Surface:
-        """Surfaces (4 · k) that samples of footprints of a radius meet."""
+        """Surfaces (4 · k) that samples of footprints of a radius hit."""
         index = bisect_left(self._radii, radius_rad)
         if index < len(self._radii) and self._radii[index] == radius_rad:
             return self._met[index]
@@ -52,7 +52,7 @@ class FootprintCache:
         return found
 
     def bent(self, radius_rad: float, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray) -> Surface:
-        """Those that samples meet of beams (k) that leave otherwise than they were traced: the same planes.
+        """Surfaces that samples of deflected beams (k) hit: the planes of the traced beams.
 
         Args:
             radius_rad: of the footprints.

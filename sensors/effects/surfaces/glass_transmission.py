@@ -1,4 +1,4 @@
-"""Light passes a window twice on the way to surfaces behind it, and the pane itself may return an echo."""
+"""Transmission through a window, twice, and the echo of the pane itself."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class GlassTransmission(EchoEffect):
     mode: Literal["first", "strongest", "last", "dual"] = Field(description="which of the echoes is reported")
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns of panes and of surfaces behind them."""
+        """Return returns of panes and of surfaces behind them."""
         panes = shot.panes
         signal = ((1 - self.transmission) * shot.cos_incidence(panes)).astype(np.float32)
         panes = replace(panes, intensity=signal)

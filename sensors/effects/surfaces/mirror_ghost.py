@@ -1,4 +1,4 @@
-"""Specular reflection on glass and metal: ghosts of the scene behind the façade."""
+"""Specular reflection on glass and metal: mirror images of the scene behind façades."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BLUR_M = 0.1  # of images, by poses and by how flat the mirror is
 class MirrorGhost(EchoEffect):
     """A share `strength` of the beams on glass or metal returns the mirrored scene at the folded range R1 + R2.
 
-    Where the mirrored beam meets nothing within reach, the surface answers as it would have.
+    If the mirrored beam hits nothing within the maximum range, the surface returns as usual.
     """
 
     name: ClassVar = "mirror_ghost"
@@ -36,7 +36,7 @@ class MirrorGhost(EchoEffect):
     strength: float = number("share of beams on glass or metal that are mirrored", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Returns with ghosts instead of those of mirrored beams."""
+        """Return returns with mirror images instead of those of mirrored beams."""
         chosen = rng.random(len(shot.rays)) < self.strength
         mirrors = returns.take(self._on_metal(returns, shot) & (returns.return_no == 0)).merged(shot.panes)
         mirrors = mirrors.take(chosen[mirrors.beam])
@@ -44,11 +44,11 @@ class MirrorGhost(EchoEffect):
         return returns.replacing_beams(ghosts)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """All returns, and their chances not to be mirrored."""
+        """Return all returns, and their probabilities of not being mirrored."""
         return returns, 1 - self.strength * np.isin(returns.beam, self._images(shot).beam)
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
-        """Ranges of the mirrored scene."""
+        """Return the density of ranges of the mirrored scene."""
         images = self._images(shot)
         image_m = np.full(len(shot.rays), np.inf)
         image_m[images.beam] = images.range_m

@@ -13,9 +13,9 @@ from sensors.shot import Shot
 
 
 class OwnShadow(EchoEffect):
-    """Beams of an azimuth sector that look below an elevation meet roof, rack or antenna, nearer than can be measured.
+    """Beams of an azimuth sector below an elevation hit roof, rack or antenna, nearer than the minimum range.
 
-    Azimuth and elevation are those of the nominal beam in sensor axes. One entry a part.
+    Azimuth and elevation are those of the nominal beam in sensor axes. One entry per part.
     """
 
     name: ClassVar = "own_shadow"
@@ -35,7 +35,7 @@ class OwnShadow(EchoEffect):
     top_deg: float = number("elevation below which it hides the world", unit="°", ge=-90, le=90)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that no part hides."""
+        """Return the returns that no part hides."""
         azimuth = shot.rays.azimuth[returns.beam].astype(np.float64) - np.radians(self.azimuth_deg)
         away = np.abs(np.angle(np.exp(1j * azimuth)))
         elevation = np.degrees(np.arcsin(shot.rays.direction[returns.beam, 2]))

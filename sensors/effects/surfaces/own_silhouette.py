@@ -1,4 +1,4 @@
-"""The sensor's own vehicle hides a part of the world: its silhouette, laser by laser."""
+"""Silhouette of the sensor's own vehicle, by laser."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class OwnSilhouette(EchoEffect):
             )
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """The returns that the vehicle does not hide."""
+        """Return the returns that the vehicle does not hide."""
         ring = shot.rays.ring[returns.beam]
         rows = np.flatnonzero(np.isin(ring, self.rings))
         azimuth = np.degrees(shot.rays.azimuth[returns.beam[rows]])

@@ -1,4 +1,4 @@
-"""Beams that a smooth surface mirrors on."""
+"""Beams that a smooth surface reflects specularly."""
 
 from __future__ import annotations
 

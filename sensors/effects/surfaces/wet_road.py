@@ -1,4 +1,4 @@
-"""A film of water darkens the road and mirrors beams that graze it."""
+"""A film of water darkens the road and reflects beams at grazing incidence specularly."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _PATH_M = 60.0
 
 
 class WetRoad(EchoEffect):
-    """Road materials answer with I·(1 − film/2); a share film·F(θ) of beams is mirrored forward.
+    """Road materials return I·(1 − film/2); a share film·F(θ) of beams is reflected forward.
 
     F is Fresnel's reflectance of water after Schlick, F0 + (1 − F0)(1 − cos θ)⁵, F0 = ((n − 1)/(n + 1))², n = 1.33.
-    A mirrored beam is lost, unless it meets something within 60 m of the road: then it returns from below ground.
+    A reflected beam is lost unless it hits a surface within 60 m of the road: then it returns from below ground.
     """
 
     name: ClassVar = "wet_road"
@@ -39,14 +39,14 @@ class WetRoad(EchoEffect):
     film: float = number("0 dry, 1 a closed film of water", ge=0, le=1)
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
-        """Darker roads, lost returns, and a few below ground."""
+        """Return darker roads without lost returns, and a few returns below ground."""
         returns, kept = self.expected(returns, shot)
         mirrored = rng.random(len(shot.rays))[returns.beam] >= kept
         ghosts, _ = mirrored_returns(returns.take(mirrored), shot, _PATH_M)
         return returns.take(~mirrored).merged(ghosts)
 
     def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-        """Darker roads, and which share of their beams is not mirrored."""
+        """Return darker roads, and the share (m,) of their beams that is not reflected."""
         road = shot.is_material("road", returns)
         dark = np.where(road, returns.intensity * np.float32(1 - self.film / 2), returns.intensity)
         f0 = ((_WATER_INDEX - 1) / (_WATER_INDEX + 1)) ** 2
