@@ -1,4 +1,4 @@
-"""YAML and JSON from files that may come from strangers: plain values only, in one size that memory can hold."""
+"""Safe parsing of YAML and JSON from untrusted files: plain values only, of limited size."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def parse_yaml(text: str) -> Any:
     """Value of a YAML document: strings, numbers, dates, lists and mappings only.
 
     Raises:
-        DocumentError: not YAML, too large or deep, or aliases that hold themselves or multiply beyond reason.
+        DocumentError: not YAML, too large or deep, recursive aliases, or aliases that expand to too many values.
     """
     _check_size(text)
     try:

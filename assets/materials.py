@@ -1,4 +1,4 @@
-"""The one table of materials: what every surface answers at 905 nm and how it looks."""
+"""The table of materials: reflectance at 905 nm and appearance of every surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A triangle mesh with a material per face: the only geometry type the project passes around."""
+"""A triangle mesh with a material per face, the project's only geometry type."""
 
 from __future__ import annotations
 

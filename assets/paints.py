@@ -1,4 +1,4 @@
-"""Paints and fabrics: the colours instances wear and what they answer at 905 nm."""
+"""Paints and fabrics: colours of instances, and their reflectance at 905 nm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values as bytes that hold data only: reading them runs no code.
+"""Serialisation of plain data: reading it runs no code.
 
 One `npz` file: the bytes of all arrays one after the other, and a JSON tree with their types and everything around
 them. Allowed are numbers, text, tuples, lists, dictionaries, sets, numpy arrays, shapely geometries, Delaunay

@@ -1,4 +1,4 @@
-"""Plain geometry of a street network: all that the world builder needs to know of a town."""
+"""Geometry of a street network, for the world builder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a recipe to the files SUMO runs: `build_town` is the recipe's whole story."""
+"""Build a town's SUMO files from its recipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that SUMO reads, without what would make it write files or read others."""
+"""Remove outputs and references to other files from the files that SUMO reads."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Cleaning:
 
     Attributes:
         folder: of the scenario; files that are named within files must lie in it.
-        changed: what files hold now, of those that hold something else than before.
-        left_out: what was taken out of them, in words.
+        changed: new contents of the files that were changed.
+        left_out: descriptions of what was removed.
     """
 
     folder: Path
@@ -40,7 +40,7 @@ class Cleaning:
     left_out: list[str] = field(default_factory=list)
 
     def clean(self, path: Path, *roots: str) -> ET.Element:
-        """Read a file, and remember what it holds without its outputs.
+        """Read a file, and store its contents without outputs.
 
         Args:
             path: plain or gzipped XML.
@@ -71,7 +71,7 @@ class Cleaning:
         return path
 
     def _cleaned(self, parent: ET.Element, path: Path, depth: int) -> bool:
-        """Clean all below an element; whether that changed anything."""
+        """Clean an element's descendants; return whether anything changed."""
         changed = False
         for number, element in reversed(list(enumerate(parent))):
             if element.tag == "include":

@@ -1,4 +1,4 @@
-"""Corners that vehicles can take: bends rounded, the sharpest turns closed, the sharp ones widened."""
+"""Drivable corners: rounded bends, closed turns where they are too sharp, and wider junctions."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def with_dispatcher(scenario: Scenario, algorithm: Algorithm) -> Scenario:
         algorithm: of SUMO's `device.taxi.dispatch-algorithm`.
 
     Raises:
-        TownError: nothing in it waits to be sent.
+        TownError: no vehicle in it waits for dispatch.
     """
     options = {**scenario.options, "device.taxi.dispatch-algorithm": algorithm}
     roots = {

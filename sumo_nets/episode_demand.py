@@ -1,4 +1,4 @@
-"""A fresh population for one episode of a town."""
+"""Random demand of one episode of a town."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def write_demand(town: Town, demand: Demand, seed: int, folder: Path) -> Path:
 
     Args:
         town: whose network, types and parking lots are used where they lie.
-        demand: how many of whom.
+        demand: numbers of road users.
         seed: of every choice.
         folder: where to write; made if missing.
 

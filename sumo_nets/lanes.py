@@ -17,7 +17,7 @@ def points(shape: Any) -> np.ndarray:
     """Return a sumolib shape as a read-only (k, 3) array, world metres; heights that are missing are zero.
 
     Raises:
-        ValueError: a coordinate is not finite, or farther out than the Earth is round.
+        ValueError: a coordinate is not finite, or larger than the Earth's circumference.
     """
     array = np.array([(*p, 0.0)[:3] for p in shape], dtype=np.float64).reshape(-1, 3)
     if not (np.abs(array) < _FARTHEST_M).all():

@@ -1,4 +1,4 @@
-"""From a street plan to a SUMO network that lies on the ground."""
+"""SUMO networks from street plans, with heights of the ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options that the installed SUMO knows, by its own account."""
+"""Options of the installed SUMO."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outlines that netconvert drew across themselves, put right."""
+"""Repair of self-intersecting outlines from netconvert."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SPECK_M2 = 0.05
 def simple_outlines(points: np.ndarray) -> list[np.ndarray]:
     """Return the outline, (k, 3) and not closed, as polygons that do not cross themselves, largest first.
 
-    An outline that crosses itself falls into pieces; specks of them are left out. Corners that are new take their
+    A self-intersecting outline is split into pieces; tiny pieces are left out. Corners that are new take their
     height from the outline they lie on.
     """
     outline = _without_repeats(points)

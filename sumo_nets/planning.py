@@ -1,4 +1,4 @@
-"""From a layout to a street plan: main streets, bends, roundabouts, parking."""
+"""Street plans from layouts: main streets, bends, roundabouts, parking."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _mark_main(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan
 
 
 def _drop_streets(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
-    """Leave out local streets, but never cut the town in two nor make a dead end."""
+    """Leave out local streets without disconnecting the town or making dead ends."""
     kept = list(plan.streets)
     arms = plan.arms()
     to_drop = round(rules.dropped * len(kept))
@@ -119,7 +119,7 @@ def _add_parking(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Pl
 
 
 def _widen(plan: Plan, rules: StreetRules) -> Plan:
-    """Give the longest main streets two lanes a direction: there one may overtake, and sort oneself for a turn."""
+    """Give the longest main streets two lanes per direction, for overtaking and turning."""
     length = [np.linalg.norm(np.diff(street.shape, axis=0), axis=1).sum() for street in plan.streets]
     narrow = [i for i, street in enumerate(plan.streets) if street.main and road_of(street, rules).lanes == 1]
     wide = set(sorted(narrow, key=lambda i: (-length[i], i))[: rules.widened])

@@ -1,4 +1,4 @@
-"""Cutting and shifting lines the way SUMO does. Lengths are seen from above."""
+"""Cut and shift lines as SUMO does. Lengths are horizontal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From SUMO's files to plain street geometry."""
+"""Street geometry from SUMO's files."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ class _Part(BaseModel):
 
 
 class GridLayout(_Part):
-    """A grid of streets whose corners are pushed about: `netgenerate --grid`."""
+    """A grid of streets with randomly displaced junctions: `netgenerate --grid`."""
 
     kind: Literal["grid"] = "grid"
     columns: int = Field(default=6, ge=2, le=30, description="junctions from west to east")
@@ -49,7 +49,7 @@ class SpiderLayout(_Part):
 
 
 class RandomLayout(_Part):
-    """Streets that grew at random: `netgenerate --rand`."""
+    """Random streets: `netgenerate --rand`."""
 
     kind: Literal["random"] = "random"
     iterations: int = Field(default=60, ge=5, le=2000, description="growth steps; more give a larger town")

@@ -35,7 +35,7 @@ def ring_road(layout: RingRoadLayout, rules: StreetRules) -> Plan:
 
 @dataclass
 class _Draft:
-    """A plan in the making; points are polar, angles in the direction of travel."""
+    """A plan under construction; points are polar, angles in the direction of travel."""
 
     layout: RingRoadLayout
     rules: StreetRules

@@ -1,4 +1,4 @@
-"""Preparation of a user's SUMO scenario: all that it simulates, without its output files."""
+"""Preparation of a user's SUMO scenario, without its output files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files that SUMO is started with."""
+"""Files with which SUMO is started."""
 
 from __future__ import annotations
 

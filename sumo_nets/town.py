@@ -1,4 +1,4 @@
-"""A town that is ready to run: a built-in one, or a user's own SUMO configuration."""
+"""A town that can be simulated: a built-in one, or a user's own SUMO configuration."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Town:
         additional: further files, with vehicle types and parking areas.
         style: what it looks like, as `Streets.style`.
         streets: its geometry, world metres (x east, y north, z up).
-        scenario: what of the user's own configuration is simulated; none for a built-in town.
-        notes: what a user's own scenario holds that is left out, a line each.
+        scenario: the simulated part of the user's own configuration; None for a built-in town.
+        notes: parts of a user's own scenario that are left out, one line each.
         streets_only: whether no traffic is simulated, as road users follow trajectories.
     """
 

@@ -141,5 +141,5 @@ def _distribution(name: str, types: list[VType]) -> str:
 
 
 def _group(t: VType) -> str:
-    """Among whom a kind's share is divided evenly: the models of a body, of cars; of others, all of the kind."""
+    """Group of models among which a kind's share is divided evenly: by body for cars, else all of the kind."""
     return t.body if t.kind == "car" else t.kind

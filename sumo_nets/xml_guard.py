@@ -1,4 +1,4 @@
-"""Looking at an XML file before any parser trusts it."""
+"""Safe parsing of XML files."""
 
 from __future__ import annotations
 

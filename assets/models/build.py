@@ -1,4 +1,4 @@
-"""From a catalogue name to a mesh that fills its box exactly."""
+"""Meshes of catalogue models, each of which fills its box exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inside of a car: what a beam meets behind the glass."""
+"""Interior of a car, which beams hit behind the glass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The catalogue of parametric models: names, kinds and dimensions of everything that moves."""
+"""The catalogue of parametric models: names, kinds and dimensions of all road users."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines of fence, wall and hedge: around gardens, and how any of them becomes a mesh."""
+"""Lines of fences, walls and hedges around gardens, and their meshes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Streets that lie above others: which parts of lanes are bridges, and the decks, railings and piers that carry them.
+"""Streets above other streets: the parts of lanes that are bridges, and their decks, railings and piers.
 
 The land follows the lowest level. Where a lane passes over another one, it leaves the land 25 m before: from there to
 25 m beyond, a deck carries it. Decks overlap the land by further 12 m, where the land falls away from them little by

@@ -1,4 +1,4 @@
-"""Occupied areas: keeps props off the road and walking lines, out of houses and out of each other."""
+"""Occupied areas: props are placed neither on roads and walking lines nor in houses or other props."""
 
 from __future__ import annotations
 

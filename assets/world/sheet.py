@@ -1,4 +1,4 @@
-"""The ground's height at any place: as its triangles have it, no matter how uneven they are."""
+"""Height of the ground at any point, interpolated in its triangles."""
 
 from __future__ import annotations
 
