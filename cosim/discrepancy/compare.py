@@ -173,13 +173,17 @@ class Comparison:
     def at_floor(self) -> bool:
         """Whether the error equals the noise floor, within 2 % and a thousandth of a scale, and no effect is missing.
 
-        Where alignment more than halves the error, the aligned error counts, within 5 %: fits are never exact.
+        If alignment more than halves the error, the aligned error must not exceed the floor significantly by more than
+        5 %, because fits are never exact.
         """
         if self.budget is not None and self.budget.has_findings:
             return False
         if self.budget is not None and self.budget.floor is not None and self.error > 2 * self.budget.given_aligned:
-            return self.budget.given_aligned <= (1 + self.settings.at_floor) * self.budget.floor
+            return self._is_aligned_at_floor(self.budget)
         return self.floor is not None and self.error <= self.settings.near * self.floor.error + self.settings.negligible
+
+    def _is_aligned_at_floor(self, budget: Budget) -> bool:
+        return not budget.aligned_steps[0].exceeds_floor(self.settings.at_floor, self.settings.level)
 
     @property
     def parts(self) -> dict[str, float]:
@@ -251,7 +255,7 @@ class Comparison:
             floor, aligned = self.budget.floor, self.budget.given_aligned / self.budget.floor
             made = source_words(self.parts, floor, is_complete=False)
             message = f", {times(self.error / floor)} the noise floor ({floor:.3f}){made and f': {made}'}"
-            ends = "at the floor" if aligned <= 1 + self.settings.at_floor else f"{times(aligned)} the floor"
+            ends = "at the floor" if self._is_aligned_at_floor(self.budget) else f"{times(aligned)} the floor"
             return f"{message}; aligned {self.budget.given_aligned:.3f}, {ends}"
         return f", noise floor {self.floor.error:.3f}" if self.floor else ""
 

@@ -157,11 +157,11 @@ class Diagnosis:
             return "ambiguous"
         if self.effects:
             return "missing"
-        if self.unexplained or (self.above_floor is not None and self.above_floor > self.settings.at_floor):
+        if self.unexplained or self.is_above_floor:
             return "unknown"
         if self.labels is not None and self.labels.verdict == "missing":
             return "missing"
-        return "unknown" if self.is_above_floor else "none"
+        return "none"
 
     @property
     def unknown(self) -> UnknownEffect | None:
@@ -190,13 +190,13 @@ class Diagnosis:
 
     @property
     def is_above_floor(self) -> bool:
-        """Whether the final aligned error exceeds the noise floor by more than its tolerance."""
-        return self.above_floor is not None and self.above_floor > self.settings.at_floor
+        """Whether the final aligned error exceeds the noise floor significantly by more than its tolerance."""
+        return self.budget.aligned_steps[-1].exceeds_floor(self.settings.at_floor, self.settings.level)
 
     @property
     def changes(self) -> tuple[ErrorChange, ...]:
         """Changes of the held-out error, finding by finding, in the order in which they were added."""
-        steps = self.budget.aligned_steps if len(self.budget.aligned_steps) > 1 else self.budget.steps
+        steps = self.budget.aligned_steps
         rows = zip(self._names, pairwise(steps), strict=False)
         changes = [_change(name, before, after, self.settings) for name, (before, after) in rows]
         return tuple(replace(change, is_needed=change.name in self.needed) for change in changes)
@@ -316,7 +316,11 @@ def floor_words(diagnosis: Diagnosis) -> str:
     above = diagnosis.above_floor
     if above is None:
         return ""
-    return f"{times(1 + above)} the noise floor" if diagnosis.is_above_floor else "at the noise floor"
+    if diagnosis.is_above_floor:
+        return f"{times(1 + above)} the noise floor"
+    return "at the noise floor" + (
+        f" ({times(1 + above)}, not significant)" if above > diagnosis.settings.at_floor else ""
+    )
 
 
 def error_words(diagnosis: Diagnosis) -> str:
