@@ -1,4 +1,4 @@
-"""`cosim calibrate`: effects missing from a sensor model, from a recording: pattern, map, diagnosis, repeated."""
+"""`cosim calibrate`: fit a sensor model to the scans of a recording: pattern, map and diagnosis, in several rounds."""
 
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ def add_command(commands: Any) -> None:
         type=Path,
         nargs="+",
         metavar="RECORDING",
-        help="folder of scans, bag or capture; several drives of one sensor are one estimation",
+        help="folder of scans, bag or packet capture; several recordings of one sensor are calibrated together",
     )
     add_recording(parser, path=False)
     parser.add_argument(
-        "--compare", action="store_true", help="several drives of different units or times: what differs between them"
+        "--compare",
+        action="store_true",
+        help="the recordings are from different sensors or times: test which parameters differ between them",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder of everything; resumed by itself"
+        "--out", type=Path, required=True, metavar="DIR", help="output folder; an unfinished run in it is resumed"
     )
     parser.add_argument(
         "--sensor", metavar="FILE", help="initial sensor file (default: pattern and noise estimated from the points)"
     )
-    parser.add_argument("--rounds", type=int, default=5, metavar="N", help="of map and diagnosis at most (default: 5)")
+    parser.add_argument(
+        "--rounds", type=int, default=5, metavar="N", help="maximum number of rounds of map and diagnosis (default: 5)"
+    )
     add_engine(parser, "the segments of a long recording")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)

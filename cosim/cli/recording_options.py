@@ -14,16 +14,24 @@ def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None
     """The recording, and what its files do not say."""
     if path:
         parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or Ouster capture")
-    parser.add_argument("--scans", metavar="GLOB", help="which files of the folder are scans, as 'raw_*.bin'")
-    parser.add_argument("--topic", metavar="NAME", help="topic of a bag, where several hold clouds")
+    parser.add_argument(
+        "--scans", metavar="GLOB", help="file names of the scans in the folder, for example 'raw_*.bin'"
+    )
+    parser.add_argument("--topic", metavar="NAME", help="topic to read if a bag has several topics with point clouds")
     add_points(parser)
     parser.add_argument("--sweep-s", type=float, metavar="S", help="duration of one revolution [s]")
     parser.add_argument(
-        "--poses", metavar="FILE", help="poses in KITTI's or TUM's format (default: found, or odometry)"
+        "--poses",
+        metavar="FILE",
+        help="poses in KITTI's or TUM's format (default: a file of poses in the folder, otherwise odometry)",
     )
-    parser.add_argument("--accept", metavar="CHECKS", help="go on in spite of what these checks find, as travel,places")
     parser.add_argument(
-        "--skip-damaged", action="store_true", help="leave out scans that cannot be read; they are counted and named"
+        "--accept",
+        metavar="CHECKS",
+        help="continue if one of these checks finds an error, and write a note instead; for example travel,places",
+    )
+    parser.add_argument(
+        "--skip-damaged", action="store_true", help="skip scans that cannot be read; they are counted and named"
     )
 
 
@@ -51,9 +59,17 @@ def point_options(options: argparse.Namespace) -> dict[str, Any]:
 def add_points(parser: argparse.ArgumentParser) -> None:
     """Add options that state the meaning of numbers in point files where the files do not show it."""
     parser.add_argument(
-        "--columns", metavar="NAMES", help="meaning of each column of the scans, as x,y,z,intensity,_ (_: not used)"
+        "--columns",
+        metavar="NAMES",
+        help="meaning of each column of the scans, for example x,y,z,intensity,_ (_: not used)",
     )
-    parser.add_argument("--intensity-scale", type=float, metavar="X", help="what full intensity reads, as 255")
-    parser.add_argument("--axes", metavar="X,Y,Z", help="stored axes that are forward, left and up, as x,-y,z")
-    parser.add_argument("--flip-y", action="store_true", help="stored y points to the right: mirror it")
-    parser.add_argument("--metres", type=float, metavar="M", help="length of one unit of x, y, z [m], as 0.001")
+    parser.add_argument(
+        "--intensity-scale", type=float, metavar="X", help="stored value of full intensity, for example 255"
+    )
+    parser.add_argument(
+        "--axes", metavar="X,Y,Z", help="stored axes that point forward, left and up, for example x,-y,z"
+    )
+    parser.add_argument("--flip-y", action="store_true", help="mirror y, because the stored y points to the right")
+    parser.add_argument(
+        "--metres", type=float, metavar="M", help="length of one unit of x, y, z [m], for example 0.001"
+    )

@@ -1,4 +1,4 @@
-"""`cosim run`: the main job."""
+"""`cosim run`: simulate traffic, scan it with the sensor rig and write a drive in KITTI's format."""
 
 from __future__ import annotations
 
@@ -22,8 +22,16 @@ def add_command(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "run", help="simulate, scan and write a KITTI drive", description=__doc__
     )
-    parser.add_argument("config", nargs="?", type=Path, metavar="CONFIG.yaml", help="settings; options below win")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the drive to write or to go on with")
+    parser.add_argument(
+        "config", nargs="?", type=Path, metavar="CONFIG.yaml", help="settings; the options below override them"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder of the drive to write; an unfinished run in it is resumed",
+    )
     parser.add_argument("--town", metavar="T", help="built-in towns (town01,town02 or all) or a .sumocfg")
     parser.add_argument(
         "--trajectories",
@@ -32,12 +40,16 @@ def add_command(commands: Any) -> None:
         help="trajectories of road users: FCD output, CommonRoad, OpenSCENARIO, or a table (CSV)",
     )
     parser.add_argument(
-        "--taxi-dispatch", metavar="ALGORITHM", help="let SUMO dispatch vehicles on demand, as greedy (.sumocfg only)"
+        "--taxi-dispatch",
+        metavar="ALGORITHM",
+        help="SUMO's algorithm for dispatching taxis, for example greedy (.sumocfg only)",
     )
-    parser.add_argument("--frames", type=int, metavar="N", help="frames to record")
-    parser.add_argument("--seed", type=int, metavar="S", help="seed of everything random")
-    parser.add_argument("--sensor", metavar="FILE", help="sensor file, or a pattern's name")
-    parser.add_argument("--rig", metavar="FILE", help="rig file, or the name of a built-in rig")
+    parser.add_argument("--frames", type=int, metavar="N", help="number of frames to record")
+    parser.add_argument("--seed", type=int, metavar="S", help="seed of all random draws")
+    parser.add_argument(
+        "--sensor", metavar="FILE|NAME", help="sensor file, or the name of a built-in sensor or pattern"
+    )
+    parser.add_argument("--rig", metavar="FILE|NAME", help="rig file, or the name of a built-in rig")
     add_engine(parser, "the episodes")
     add_common(parser, computes=True)
     parser.set_defaults(execute=execute)

@@ -1,4 +1,4 @@
-"""`cosim stats`: contents of a data set, distances from another one, and a classifier two-sample test."""
+"""`cosim stats`: statistics of a data set, its distances to another one, and a classifier two-sample test."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "set", type=Path, metavar="DIR", help="a drive, simulated or in KITTI's layout, or a folder with only label_2/"
     )
-    parser.add_argument("--against", type=Path, metavar="DIR2", help="a second set, the reference of the distances")
-    parser.add_argument("--beside", type=Path, metavar="DIR3", help="a third set, shown and held against DIR2 as well")
+    parser.add_argument("--against", type=Path, metavar="DIR2", help="second data set: the reference of the distances")
+    parser.add_argument("--beside", type=Path, metavar="DIR3", help="third data set, also compared with DIR2")
     parser.add_argument(
         "--units",
         default="frame",
@@ -38,7 +38,7 @@ def add_command(commands: Any) -> None:
         type=float,
         default=90.0,
         metavar="DEG",
-        help="sector about the forward direction that the two-sample test looks at (default: 90, a camera's)",
+        help="width of the forward sector that the two-sample test uses (default: 90, that of a camera)",
     )
     parser.add_argument("--out", type=Path, metavar="OUT", help="folder of the page (default: DIR-stats next to DIR)")
     add_common(parser, computes=True)

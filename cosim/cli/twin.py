@@ -1,4 +1,4 @@
-"""`cosim twin`: make a twin for measurements, from their labels if they have any, else from a map of the scans."""
+"""`cosim twin`: make a twin of measurements, from their labels if they have any, otherwise from a map of the scans."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--pattern",
         metavar="FILE|NAME",
-        help="beam pattern (default for a labelled drive: its own, else hdl64e_kitti; for a recording: estimated)",
+        help="beam pattern (default for a labelled drive: its own, or hdl64e_kitti if it has none; for a recording: "
+        "estimated from the points)",
     )
     parser.add_argument(
         "--page", type=Path, metavar="PAGE", help="folder of the report page of a recording (default: DIR-twin)"
