@@ -54,7 +54,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     from cosim.stats.two_sample import separate
 
     if options.beside is not None and options.against is None:
-        raise CosimError("--beside is held against a reference that is missing; give it with --against DIR2")
+        raise CosimError("--beside needs a reference to compare with; give it with --against DIR2")
     sources = [FrameSet(path) for path in (options.set, options.against, options.beside) if path is not None]
     sets = [_read(source, console) for source in sources]
     with ProgressReport(console, "comparing"):

@@ -25,7 +25,7 @@ def format_page(
     beside: Sequence[Distance] = (),
     separation: TwoSample | str | None = None,
 ) -> str:
-    """The HTML text about one set, two with their distances, or three: the last is held against the second, too.
+    """The HTML text about one set, two with their distances, or three: the last is also compared with the second.
 
     `separation` is the two-sample test of the first two, or why there is none.
     """

@@ -27,7 +27,7 @@ def write_stats(
 
     Args:
         folder: where.
-        sets: the set, the reference, and a third one that is held against the reference, too.
+        sets: the set, the reference, and a third one that is also compared with the reference.
         distances: of the first from the second.
         beside: distances of the third set from the second.
         separation: the two-sample test of the first two, or why there is none.
