@@ -135,7 +135,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A sensor model held against a drive.
+    """Comparison of a sensor model with a drive.
 
     Attributes:
         drive, sensor: names of drive and sensor for display.

@@ -33,7 +33,9 @@ class PointOptions:
     def __post_init__(self) -> None:
         scale = self.intensity_scale
         if scale is not None and not (np.isfinite(scale) and scale > 0):
-            raise PointFileError(f"--intensity-scale is {scale:g}; give the stored value of full intensity, for example 255")
+            raise PointFileError(
+                f"--intensity-scale is {scale:g}; give the stored value of full intensity, for example 255"
+            )
         if self.metres is not None and not (np.isfinite(self.metres) and self.metres > 0):
             raise PointFileError(f"--metres is {self.metres:g}; give the length of one unit of x, y, z, as 0.001")
         if self.axes is not None and self.flip_y:

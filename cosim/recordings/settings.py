@@ -44,7 +44,9 @@ class RecordingSettings(BaseModel):
 
     scans: str | None = Field(default=None, description="which files are scans, a pattern such as `raw_*.bin`")
     topic: str | None = Field(default=None, description="topic of a bag that holds the clouds")
-    intensity_scale: float | None = Field(default=None, gt=0, description="stored value of full intensity, for example 255")
+    intensity_scale: float | None = Field(
+        default=None, gt=0, description="stored value of full intensity, for example 255"
+    )
     columns: str | None = Field(default=None, description="meaning of each column, as `x,y,z,intensity,_`")
     axes: str | None = Field(default=None, description="stored axes that are forward, left and up, as `x,-y,z`")
     flip_y: bool = Field(default=False, description="stored y points to the right")

@@ -1,4 +1,4 @@
-"""The list of quantities in which two sets are held against each other."""
+"""Quantities in which two sets are compared."""
 
 from __future__ import annotations
 
