@@ -294,7 +294,7 @@ def _unexplained(last: Round) -> str:
         [
             one["channel"],
             ", ".join(one["covariates"]) or f"as {one.get('looks_like', '')} would make it",
-            f"{one['size']:.3g} {one['unit']}",
+            f"{one['size']:.3g} {one['unit']}" if np.isfinite(one["size"]) else "cannot be determined",
             f"{one['p_value']:.2g}",
         ]
         for one in last.unexplained
