@@ -82,9 +82,20 @@ def _label_points(scored: Scored, drive: Any) -> np.ndarray | None:
 
 def _print_notes(evaluation: Evaluation, console: Console) -> None:
     from training.evaluation.comparable import unscored_classes
+    from training.evaluation.rules import DIFFICULTIES, SAMPLES
 
     for name, note in evaluation.notes.items():
         console.print(f"{name}: {note}", soft_wrap=True, highlight=False)
+    for name, metrics in evaluation.results.items():
+        counts = [int(result.task.object_counts.sum()) for result in next(iter(metrics.values()))]
+        if min(counts) < SAMPLES:
+            listed = ", ".join(f"{count} {level}" for count, level in zip(counts, DIFFICULTIES, strict=True))
+            console.print(
+                f"{name}: labelled objects: {listed}; with n objects, fewer than {SAMPLES}, R40 cannot exceed "
+                "(n - 1)/40, and without any it is 0; use the continuous AP of the page and the JSON",
+                soft_wrap=True,
+                highlight=False,
+            )
     others = unscored_classes(evaluation.scored)
     if others:
         console.print(

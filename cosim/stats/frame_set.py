@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cosim.drives.files import is_safe_name
 from cosim.drives.kitti import Drive, Frame
+from cosim.drives.kitti.layout import where_instead
 from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
@@ -43,7 +44,7 @@ class FrameSet:
             root = next((given / below for below in _BELOW if (given / below / "label_2").is_dir()), None)
             if root is None:
                 raise DriveError(
-                    f"{given}: neither velodyne/ nor label_2/ here or in training/; give the folder above them"
+                    f"{given}: neither velodyne/ nor label_2/ here or in training/; {where_instead(given, 'velodyne')}"
                 )
             self.root, self.kind = root, "labels"
             self.names = tuple(sorted(f.stem for f in (root / "label_2").glob("*.txt") if is_safe_name(f.stem)))

@@ -27,7 +27,7 @@ class LabelledObjects:
         yaw: (n,) float64 heading in LiDAR axes, 0 ahead, counter-clockwise, in [−π, π) [rad].
         truncated: (n,) float64.
         occluded: (n,) int64.
-        image_height_px: (n,) float64 height of the 2D box.
+        bbox: (n, 4) float64 2D box: left, top, right, bottom [px].
         points: (n,) int64 points in the box; −1 without a scan.
     """
 
@@ -38,7 +38,7 @@ class LabelledObjects:
     yaw: np.ndarray
     truncated: np.ndarray
     occluded: np.ndarray
-    image_height_px: np.ndarray
+    bbox: np.ndarray
     points: np.ndarray
 
     @classmethod
@@ -53,7 +53,7 @@ class LabelledObjects:
             yaw=wrap_angle(boxes.yaw),
             truncated=labels.truncated,
             occluded=labels.occluded,
-            image_height_px=labels.bbox[:, 3] - labels.bbox[:, 1],
+            bbox=labels.bbox,
             points=np.full(len(labels), NOT_COUNTED, np.int64) if points is None else points,
         )
 
@@ -62,7 +62,7 @@ class LabelledObjects:
         """All rows, in order."""
         empty = cls(
             *(np.zeros(0, np.int64), np.zeros(0, np.str_), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)),
-            *(np.zeros(0), np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int64)),
+            *(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 4)), np.zeros(0, np.int64)),
         )
         rows = [empty, *tables]
         return cls(
@@ -84,6 +84,11 @@ class LabelledObjects:
     def distance_m(self) -> np.ndarray:
         """(n,) float64 ground distance of the centre from the LiDAR [m]."""
         return np.hypot(self.centre[:, 0], self.centre[:, 1])
+
+    @property
+    def image_height_px(self) -> np.ndarray:
+        """(n,) float64 height of the 2D box [px]."""
+        return self.bbox[:, 3] - self.bbox[:, 1]
 
     @property
     def visible(self) -> np.ndarray:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
-from cosim.drives.kitti.labels import DONT_CARE
+from cosim.drives.kitti.labels import DONT_CARE, NOT_GIVEN, truncation_doubt
 from cosim.errors import FormatError
 from cosim.stats.frame_set import FrameSet
 from cosim.stats.objects import LabelledObjects
@@ -117,6 +117,10 @@ def collect(source: FrameSet, on_frame: Callable[[str], None] = lambda name: Non
     for row, frame in enumerate(source):
         on_frame(frame.name)
         tally.add(row, frame)
+    objects = LabelledObjects.merge(tally.tables)
+    doubt = truncation_doubt(objects.truncated, objects.bbox)
+    if doubt:
+        objects = replace(objects, truncated=np.full(len(objects), NOT_GIVEN))
     return Collected(
         title=source.title,
         kind=source.kind,
@@ -124,10 +128,10 @@ def collect(source: FrameSet, on_frame: Callable[[str], None] = lambda name: Non
         frames=source.names,
         labelled=tally.labelled,
         scanned=tally.scanned,
-        objects=LabelledObjects.merge(tally.tables),
+        objects=objects,
         classes=tally.classes,
         scans=tally.scans,
-        notes=(*source.notes, *tally.notes),
+        notes=(*source.notes, *tally.notes, *([doubt] if doubt else [])),
     )
 
 

@@ -54,6 +54,7 @@ def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: Viewpoint
     for region in labels.of_type("DontCare").bbox:
         draw_path(drawn, _rectangle(region), MUTED, 1, closed=True)
     objects = labels.cared_for
+    truncation = objects.truncation
     far_first = np.argsort(-np.linalg.norm(boxes.centre, axis=1), kind="stable")
     for row in far_first:
         colour, corners = class_colour(objects.type[row]), boxes.corners[row]
@@ -65,8 +66,8 @@ def draw_labels(image: np.ndarray, labels: Labels, boxes: Boxes, view: Viewpoint
     for row in far_first[::-1]:
         left, top, right, _ = objects.bbox[row] * ENLARGED
         text = f"{objects.type[row]}, {_OCCLUSION.get(int(objects.occluded[row]), 'occlusion not given')}"
-        if objects.truncated[row] >= _MIN_TRUNCATION:
-            text += f", {100 * objects.truncated[row]:.0f}% cut off"
+        if truncation[row] >= _MIN_TRUNCATION:
+            text += f", {100 * truncation[row]:.0f}% cut off"
         middle = (left + right) / 2
         placer.place(text, above(middle, top - 18, step_px=29), class_colour(objects.type[row]))
     return drawn

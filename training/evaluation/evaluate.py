@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cosim.drives.kitti import Labels
+from cosim.drives.kitti.labels import truncation_doubt
 from training.evaluation.average_precision import (
     continuous_average,
     sample_thresholds,
@@ -75,7 +76,7 @@ class Evaluation:
         results: by class, metric and difficulty; a metric is absent if the detections have no such boxes, a
             class if it has no detections.
         oriented: whether all detections contain alpha, which AOS requires.
-        notes: by class, how the difficulty was determined if the files have no image boxes.
+        notes: by class, how the difficulty was determined where KITTI's rules cannot be applied.
     """
 
     scored: Scored
@@ -113,11 +114,23 @@ def evaluate(
             on_part()
         if results:
             evaluation.results[name] = results
-            if not has_image_boxes(scored, name):
-                evaluation.notes[name] = without_image_rules(points is not None)
-            elif not {"3d", "bev"} & metrics:
-                evaluation.notes[name] = "labels or detections have no 3D boxes: only boxes in the image are scored"
+            notes = _notes(scored, name, metrics, points is not None)
+            if notes:
+                evaluation.notes[name] = "; ".join(notes)
     return evaluation
+
+
+def _notes(scored: Scored, name: str, metrics: set[Metric], has_points: bool) -> list[str]:
+    """How a class's scores differ from those by KITTI's rules."""
+    notes = []
+    if not has_image_boxes(scored, name):
+        notes.append(without_image_rules(has_points))
+    elif not {"3d", "bev"} & metrics:
+        notes.append("labels or detections have no 3D boxes: only boxes in the image are scored")
+    doubt = truncation_doubt(scored.labels.objects.truncated, scored.labels.objects.bbox)
+    if doubt:
+        notes.append(doubt)
+    return notes
 
 
 def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.ndarray | None = None) -> list[Task]:
@@ -131,6 +144,7 @@ def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.nd
         points: (g,) scan points in the box of each label, if known; used where there are no image boxes.
     """
     objects = scored.labels.objects
+    truncation = objects.truncation
     of_class = scored.labels.kind == name.lower()
     neighbour = scored.labels.kind == (NEIGHBOURS[name] or "").lower()
     detected = scored.detections.kind == name.lower()
@@ -142,7 +156,7 @@ def tasks(scored: Scored, name: str, metric: Metric, above: float, points: np.nd
         absorbed_rows[candidates] = absorbed(scored, candidates, above)
     task_list = []
     for level in range(len(DIFFICULTIES)):
-        easy_enough = (objects.occluded <= MAX_OCCLUSION[level]) & (objects.truncated <= MAX_TRUNCATION[level])
+        easy_enough = (objects.occluded <= MAX_OCCLUSION[level]) & (truncation <= MAX_TRUNCATION[level])
         counts = of_class & easy_enough & (height > MIN_HEIGHT_PX[level]) & has_points
         small = detection_height < MIN_HEIGHT_PX[level]
         kept = (detected | small)[pairs.detection]

@@ -148,6 +148,9 @@ class Calibration:
 def parse_calibration(text: str, source: str | Path = "calibration") -> Calibration:
     """The calibration in the text of a file; also in the spelling of KITTI's tracking set.
 
+    A name without numbers, as `Tr_imu_to_velo:`, is a matrix that is not given; a rectification that is not given is
+    the identity.
+
     Raises:
         FormatError: a matrix is missing, twice there, of the wrong size, not numeric or not finite.
     """
@@ -164,7 +167,10 @@ def parse_calibration(text: str, source: str | Path = "calibration") -> Calibrat
         where = f"{source}:{number}: {key}"
         if name in matrices:
             raise FormatError(f"{where} is there twice; keep one")
-        matrices[name] = _matrix(rest.split(), _SHAPES[name], where)
+        if rest.strip():
+            matrices[name] = _matrix(rest.split(), _SHAPES[name], where)
+        elif name == "R0_rect":
+            matrices[name] = np.eye(3)
     missing = [name for name in _MANDATORY if name not in matrices]
     if missing:
         raise FormatError(f"{source}: missing {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")

@@ -19,8 +19,12 @@ from cosim.drives.kitti.calibration import Calibration
 from cosim.errors import FormatError
 
 DONT_CARE = "DontCare"
+NOT_GIVEN = -1.0
+"""Truncation of objects of which none is given."""
 _COLUMNS = 15
 _WIDTHS = {"bbox": 4, "dimensions": 3, "location": 3}
+_CUT_OFF = 0.3  # objects that are cut off by so much end at an edge of the image
+_EDGE_SHARE = 0.02  # of the image's width and height: all such objects of KITTI's training set end so near to an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +125,11 @@ class Labels:
         return Boxes(calibration.rect_to_velo(centre), self.dimensions[:, ::-1], yaw)
 
     @property
+    def truncation(self) -> np.ndarray:
+        """Share (n,) of each object outside the image; 0 for all where `truncation_doubt` finds another meaning."""
+        return np.zeros(len(self)) if truncation_doubt(self.truncated, self.bbox) else self.truncated
+
+    @property
     def corners_rect(self) -> np.ndarray:
         """Corners in rectified camera axes, (n, 8, 3): the bottom four round the box, then the top four."""
         height, width, length = (self.dimensions[:, column, None] / 2 for column in range(3))
@@ -158,6 +167,33 @@ class Labels:
     def cared_for(self) -> Labels:
         """The objects without the `DontCare` regions."""
         return self[np.array([name.lower() != DONT_CARE.lower() for name in self.type], bool)]
+
+
+def truncation_doubt(truncated: np.ndarray, bbox: np.ndarray) -> str:
+    """Why a set's truncations are no shares outside the image; empty if two clues do not say so.
+
+    Some data sets store a flag or a track number in this column (View-of-Delft: docs/ANNOTATION.md). Such columns hold
+    whole numbers only, and the objects do not end at an edge of the image, as truncated ones do. The image is taken to
+    reach from 0 to the largest coordinate of any 2D box.
+
+    Args:
+        truncated: (n,) the column.
+        bbox: (n, 4) 2D boxes [px].
+    """
+    cut = truncated > _CUT_OFF
+    if not cut.any() or (truncated != np.rint(truncated)).any():
+        return ""
+    shown = (bbox[:, 2] > bbox[:, 0]) & (bbox[:, 3] > bbox[:, 1])
+    end = bbox[shown, 2:].max(0, initial=0.0)
+    ends = (bbox[:, :2] < _EDGE_SHARE * end).any(1) | (bbox[:, 2:] > (1 - _EDGE_SHARE) * end).any(1)
+    wrong = cut & ((truncated > 1) | (shown & ~ends))
+    if 2 * wrong.sum() <= cut.sum():
+        return ""
+    return (
+        "column 2 of the labels is no truncation: it holds only whole numbers, and "
+        f"{int(wrong.sum())} of {int(cut.sum())} objects with 1 or more lie inside the image or have more than 1; "
+        "truncation is not used"
+    )
 
 
 def parse_labels(text: str, source: str | Path = "labels") -> Labels:

@@ -10,6 +10,7 @@ from cosim.drives.files import is_safe_name, read_text
 from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
+_SHOWN = 6  # folders in a message
 LIDARS = "lidars"
 """Folder of a drive's additional LiDARs: each contains `velodyne/` and `calib/` and is a drive by itself."""
 
@@ -43,7 +44,7 @@ def find_layout(path: Path) -> Layout:
     if root is None:
         raise DriveError(
             f"{path}: no velodyne/ here or in training/; a drive holds velodyne/NAME.bin and calib/NAME.txt: "
-            "give the folder above them"
+            f"{where_instead(path, 'velodyne')}"
         )
     if not (root / "calib").is_dir():
         raise DriveError(f"{root}: no calib/; every scan needs calib/NAME.txt: add them in KITTI's format")
@@ -51,6 +52,15 @@ def find_layout(path: Path) -> Layout:
     above = [path, root.parent] if root.name in _BELOW[1:] else [base]
     image_sets = next((folder / "ImageSets" for folder in above if (folder / "ImageSets").is_dir()), None)
     return Layout(root, image_sets, base, lidar)
+
+
+def where_instead(path: Path, part: str) -> str:
+    """What to give instead of a folder without a part: the folders in it that hold the part, here or in `training/`."""
+    folders = sorted(item for item in path.iterdir() if item.is_dir())
+    found = [folder.name for folder in folders if any((folder / below / part).is_dir() for below in _BELOW)]
+    if not found:
+        return "give the folder above them"
+    return f"give one of its folders that hold {part}/: {', '.join(found[:_SHOWN])}" + " …" * (len(found) > _SHOWN)
 
 
 def lidar_folder(path: Path, name: str | None) -> Path:

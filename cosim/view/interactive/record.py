@@ -138,11 +138,12 @@ def _labels(frame: Frame) -> Iterator[dict[str, Any]]:
     if not frame.has("label_2"):
         return
     labels, boxes = frame.labels.cared_for, labelled_boxes(frame)
+    truncation = labels.truncation
     occlusion = {0: "visible", 1: "partly occluded", 2: "largely occluded"}
     for row, kind in enumerate(labels.type):
         note = occlusion.get(int(labels.occluded[row]), "")
-        if labels.truncated[row] >= 0.005:
-            note += f"{', ' if note else ''}{labels.truncated[row]:.0%} cut off"
+        if truncation[row] >= 0.005:
+            note += f"{', ' if note else ''}{truncation[row]:.0%} cut off"
         yield _box(boxes, row, kind, "label", note)
 
 

@@ -52,7 +52,7 @@ def cloud_of_cars(centre: np.ndarray, frame: np.ndarray, frames: int, yaw: np.nd
         yaw=np.zeros(count) if yaw is None else yaw,
         truncated=np.zeros(count),
         occluded=np.zeros(count, np.int64),
-        image_height_px=np.full(count, 50.0),
+        bbox=np.tile([100.0, 100.0, 200.0, 150.0], (count, 1)),
         points=np.full(count, -1),
     )
     return Collected(

@@ -98,3 +98,10 @@ def test_a_third_set_is_held_against_the_same_reference(drive: Path, labels_only
 def test_a_third_set_without_a_reference_is_refused(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["stats", str(drive), "--beside", str(drive), "--quiet"]) == 2
     assert "--against" in capsys.readouterr().err
+
+
+def test_a_folder_of_several_drives_names_them(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("lidar", "radar"):
+        (tmp_path / "set" / name / "training/velodyne").mkdir(parents=True)
+    assert main(["stats", str(tmp_path / "set"), "--quiet"]) == 2
+    assert "give one of its folders that hold velodyne/: lidar, radar" in capsys.readouterr().err

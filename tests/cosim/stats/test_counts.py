@@ -103,7 +103,7 @@ def table(height: float, occluded: int, truncated: float, points: int = 0, dista
         yaw=np.zeros(1),
         truncated=np.array([truncated]),
         occluded=np.array([occluded]),
-        image_height_px=np.array([height]),
+        bbox=np.array([[100.0, 100.0, 200.0, 100.0 + height]]),
         points=np.array([points]),
     )
 

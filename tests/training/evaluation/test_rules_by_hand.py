@@ -184,3 +184,22 @@ def test_hidden_and_cut_off_objects_count_from_their_difficulty_on():
     levels = scored([cars()] * _MANY + [partly] * 41, [sure(cars())] * _MANY + [Labels.empty()] * 41)["3d"]
     assert [int(result.task.object_counts.sum()) for result in levels] == [41, 41, 82]
     assert levels[2].recall.max() == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("column", [[1.0, 1.0, 0.0], [1757.0, 12.0, 3.0]], ids=["flags", "track numbers"])
+def test_a_truncation_that_the_image_boxes_contradict_is_not_used(column):
+    labels = replace(cars(3), truncated=np.array(column))
+    labels.bbox[:] = [[300, 100, 400, 200], [500, 100, 600, 200], [0, 0, 1242, 375]]
+    evaluation = evaluate(pair_frames([labels] * _MANY, [perfect(labels)] * _MANY))
+    assert evaluation.results["Car"]["3d"][0].task.object_counts.sum() == 3 * _MANY
+    assert "no truncation" in evaluation.notes["Car"] and "truncation is not used" in as_json(evaluation)["Car"]["rules"]
+
+
+@pytest.mark.parametrize("edges", [(0.0, 80.0), (560.0, 600.0)], ids=["left edge", "right edge"])
+def test_whole_truncations_of_objects_at_an_edge_of_the_image_count(edges):
+    labels = cars(3)
+    labels.bbox[0, [0, 2]] = edges
+    labels = replace(labels, truncated=np.array([1.0, 0.0, 0.0]))
+    evaluation = evaluate(pair_frames([labels] * _MANY, [perfect(labels)] * _MANY))
+    assert evaluation.results["Car"]["3d"][2].task.object_counts.sum() == 2 * _MANY
+    assert not evaluation.notes

@@ -61,6 +61,16 @@ def test_cameras_may_be_absent_but_not_requested() -> None:
         calibration.project(np.ones((1, 3)), camera=0)
 
 
+def test_names_without_numbers_are_matrices_that_are_not_given() -> None:
+    text = format_calibration(Calibration(P2=P, R0_rect=np.eye(3), Tr_velo_to_cam=SQUARE))
+    lines = [line if line.startswith(("P2", "Tr_velo")) else line.partition(":")[0] + ":" for line in text.split("\n")]
+    read = parse_calibration("\n".join(["P0:", "P1: ", "P3:", *lines, "Tr_imu_to_velo:"]))
+    assert read.cameras == (2,) and read.Tr_imu_to_velo is None
+    assert np.array_equal(read.R0_rect, np.eye(3))
+    with pytest.raises(FormatError, match="missing P2; a calibration needs"):
+        parse_calibration(text.replace("P2: ", "P2:\nnothing: "), "calib")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
