@@ -80,7 +80,7 @@ def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:
     )
     if len(tracks.ids) < 2:
         raise TrackError(f"{path}: holds one vehicle only ({', '.join(tracks.ids)!r}); give two or more")
-    return replace(tracks, notes=tuple(road.notes))
+    return replace(tracks, notes=tuple(road.notes), derives_speed=road.derives_speed)
 
 
 def _header(path: Path) -> list[str]:
