@@ -99,7 +99,7 @@ def resample(tracks: Tracks, step_s: float) -> tuple[Tracks, list[str]]:
         return tracks, []
     # The first sample at or after each instant moves back to it along the line from the sample before.
     new = np.concatenate([[False], same & (np.diff(number) > 0)])
-    first = np.concatenate([[True], ~same]) & (np.abs(tick - np.round(tick)) <= _OFF)
+    first = np.concatenate([[True], ~same]) & (np.abs(tick - np.round(tick)) < 1e-3)
     at = np.where(first, np.round(tick), number)
     before = np.maximum(np.arange(len(tracks)) - 1, 0)
     time_s = tracks.start_s + at * step
