@@ -92,10 +92,10 @@ def open_case(
     placed = place(tracks, network)
     observation = estimate_observation(placed)
     notes += _observation_notes(observation)
+    lateral_m = _lateral_resolution(placed, town, by)  # before smoothing, which hides that lanes are changed at once
     placed = place(observation.process(tracks), network)
     phases = estimate_phases(placed)
     frame = choose_frame(placed, phases, centres_of(placed, phases.red(placed)))
-    lateral_m = _lateral_resolution(placed, town, by)
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as folder:
         demand = read_demand(placed, town, phases, lateral_m, Path(folder))
         with Simulations(demand, network, frame, observation, settings.step_s, workers) as simulations:
