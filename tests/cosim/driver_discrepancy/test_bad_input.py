@@ -137,7 +137,7 @@ def tracks_of_two_seconds() -> np.ndarray:
         (lambda: jumping(6.0, -5.0), "the clock goes back by 4.8 s after 6.00 s"),
         (
             lambda: np.concatenate([drives(), drives() + np.array((0, 5, 0, 0, 0, 0))]),
-            "lie within 1 m of another vehicle at the same time: the file holds two recordings on one clock",
+            "come within 1 m of another one at the same time: the file holds two recordings on one clock",
         ),
         (lambda: drives() + np.array((0, 0, 0, 0, 0, 70)), "headings differ from the direction of travel by 70°"),
         (lambda: tracks_of_two_seconds(), "half of the vehicles are seen for less than 2.0 s"),
