@@ -366,7 +366,7 @@ def _accepted_gap(placed: Placed) -> Values:
 def _rejected_gap(placed: Placed) -> Values:
     """Times between vehicles with priority that enter the junction while the first vehicle of a minor lane waits.
 
-    The first gap begins when the vehicle is the first of its lane and near the junction (a lag; Raff and Hart 1950).
+    The first gap starts when the vehicle is the first of its lane and near the junction (a lag; Raff and Hart 1950).
     """
     tracks = placed.tracks
     first_of_lane = (placed.leader < 0) & (placed.ends_m < _WAITS_M) & placed.on & ~placed.parked
