@@ -18,7 +18,7 @@ from cosim.driver_discrepancy.conditions import ConditionFrame, choose_frame
 from cosim.driver_discrepancy.demand import MeasuredDemand, own_speed_factor, read_demand, route_files
 from cosim.driver_discrepancy.matching import match_lanes
 from cosim.driver_discrepancy.network import Network, read_network
-from cosim.driver_discrepancy.observation import estimate_observation
+from cosim.driver_discrepancy.observation import Observation, estimate_observation, resample
 from cosim.driver_discrepancy.placed import Placed, place
 from cosim.driver_discrepancy.pool import Simulations
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
@@ -26,7 +26,7 @@ from cosim.driver_discrepancy.signals import estimate_phases
 from cosim.driver_discrepancy.summary import Summary, centres_of, summarise
 from cosim.driver_discrepancy.table import read_measured
 from cosim.driver_discrepancy.track_checks import check_duration, split_tracks
-from cosim.driver_discrepancy.tracks import Tracks, take_rows, with_true_headings
+from cosim.driver_discrepancy.tracks import Tracks, with_true_headings
 from cosim.traffic.behaviour import BehaviourConfig
 from sumo_nets import Town, read_town
 
@@ -84,20 +84,18 @@ def open_case(
     tracks = measured if isinstance(measured, Tracks) else read_measured(Path(measured), town, vtypes)
     tracks, notes = split_tracks(with_true_headings(tracks))
     check_duration(tracks, by)
-    tracks, thinned = _thin(tracks, settings.step_s)
+    tracks, thinned = resample(tracks, settings.step_s)
     notes = [*tracks.notes, *notes, *thinned]
     if len(settings.towns) > 1:
         notes.append(f"the configuration names {len(settings.towns)} towns: the first is taken")
     tracks, matched = match_lanes(tracks, network)
     placed = place(tracks, network)
     observation = estimate_observation(placed)
-    if observation.noise_m > 0:
-        noise = f"positions have a noise of {observation.noise_m:.2f} m"
-        notes.append(f"{noise}: they are smoothed, and simulated positions get the same noise and smoothing")
-        placed = place(observation.smooth(tracks), network)
+    notes += _observation_notes(observation)
+    lateral_m = _lateral_resolution(placed, town, by)  # before smoothing, which hides that lanes are changed at once
+    placed = place(observation.process(tracks), network)
     phases = estimate_phases(placed)
     frame = choose_frame(placed, phases, centres_of(placed, phases.red(placed)))
-    lateral_m = _lateral_resolution(placed, town, by)
     with tempfile.TemporaryDirectory(prefix="cosim-traffic-") as folder:
         demand = read_demand(placed, town, phases, lateral_m, Path(folder))
         with Simulations(demand, network, frame, observation, settings.step_s, workers) as simulations:
@@ -115,15 +113,14 @@ def open_case(
             )
 
 
-def _thin(tracks: Tracks, step_s: float) -> tuple[Tracks, list[str]]:
-    """At most one sample a step of the simulation."""
-    if tracks.step_s > 0.95 * step_s:
-        return tracks, []
-    tick = np.floor((tracks.time_s - tracks.start_s) / step_s + 1e-6)
-    new = np.concatenate([[True], (np.diff(tick) > 0) | (np.diff(tracks.vehicle) != 0)])
-    return take_rows(tracks, new), [
-        f"samples every {tracks.step_s:.3g} s were thinned to the simulation's step of {step_s:g} s"
-    ]
+def _observation_notes(observation: Observation) -> list[str]:
+    notes = []
+    if observation.derives_speed:
+        notes.append("speeds are not measured: they are derived from the positions, of simulated vehicles as well")
+    if observation.noise_m > 0:
+        noise = f"positions have a noise of {observation.noise_m:.2g} m"
+        notes.append(f"{noise}: they are smoothed, and simulated positions get the same noise and smoothing")
+    return notes
 
 
 def _split(placed: Placed, judge_every: int) -> tuple[frozenset[str], frozenset[str]]:

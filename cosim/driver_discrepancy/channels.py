@@ -19,6 +19,7 @@ _CLEAR_OF_ENDS_M = 12.0
 _QUEUE_M = 8.0
 _CHANGING_LANES_M = 0.8
 _LONGEST_LAG_S, _LONGEST_GAP_S = 5.0, 10.0
+_WAITS_M = 15.0  # before a junction, from which a vehicle looks for a gap
 _LANE_CHANGE_S = 2.0
 _FLOW_MPS2 = 1.0
 _FAST, _SLOW = 1.12, 0.88  # limits of the shares of fast and slow drivers, of the mean free speed
@@ -105,7 +106,8 @@ CHANNELS: dict[str, Channel] = {
     "lane_changes_right": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes to the right", True),
     "lane_changes_route": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes before a turn", True),
     "lane_changes_other": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes without a reason", True),
-    "accepted_gap": Channel("gap_acceptance", "s", 1.0, 0.2, "accepted gap in the major stream"),
+    "accepted_gap": Channel("gap_acceptance", "s", 1.0, 0.2, "accepted gap in the major stream, 10 s at most"),
+    "rejected_gap": Channel("gap_acceptance", "s", 1.0, 0.2, "rejected gap in the major stream, 10 s at most"),
     "yielding": Channel("gap_acceptance", "", 0.2, 0.02, "share of time standing before a junction without priority"),
     "u_turns": Channel("u_turns", "/h", 0.3, 0.0, "U-turns", True),
     "pull_outs": Channel("pull_outs", "/h", 0.3, 0.0, "pull-outs of parked vehicles", True),
@@ -353,28 +355,54 @@ def _next_edges(placed: Placed) -> np.ndarray:
 
 
 def _accepted_gap(placed: Placed) -> Values:
-    """Time until a vehicle with priority enters the junction after one that had to yield to it did."""
-    entries = inside_entries(placed)
-    time_s, lanes = placed.tracks.time_s, placed.lanes
-    by_lane: dict[str, list[float]] = {}
-    for row in entries.tolist():
-        by_lane.setdefault(lanes[placed.code[row]], []).append(float(time_s[row]))
-    for times in by_lane.values():
-        times.sort()
+    """Time until a vehicle with priority enters the junction after one that had to yield to it did; limited."""
+    entries = _yielding_entries(placed)
+    rows = np.array([row for row, _ in entries], int)
+    time_s = placed.tracks.time_s[rows]
+    gaps = [_next_time(foes, now) - now for (_, foes), now in zip(entries, time_s.tolist(), strict=True)]
+    return Values(rows, np.minimum(gaps, _LONGEST_GAP_S), np.ones(len(rows)))
+
+
+def _rejected_gap(placed: Placed) -> Values:
+    """Times between vehicles with priority that enter the junction while the first vehicle of a minor lane waits.
+
+    The first gap starts when the vehicle is the first of its lane and near the junction (a lag; Raff and Hart 1950).
+    """
+    tracks = placed.tracks
+    first_of_lane = (placed.leader < 0) & (placed.ends_m < _WAITS_M) & placed.on & ~placed.parked
+    starts = np.concatenate([[True], (np.diff(tracks.vehicle) != 0) | (np.diff(placed.code) != 0)])
+    begin = np.maximum.accumulate(np.where(starts, np.arange(len(tracks)), 0))
     rows, gaps = [], []
-    for row in entries.tolist():
-        major = placed.network.yields_to.get(lanes[placed.code[row]], ())
-        after = [_next_time(by_lane.get(lane, ()), float(time_s[row])) - time_s[row] for lane in major]
-        gap = min(after, default=np.inf)
-        if gap < _LONGEST_GAP_S:
-            rows.append(row)
-            gaps.append(gap)
+    for row, foes in _yielding_entries(placed):
+        waits = np.flatnonzero(first_of_lane[begin[row - 1] : row])
+        if not len(waits):
+            continue
+        since = float(tracks.time_s[begin[row - 1] + waits[0]])
+        passed = foes[(foes > since) & (foes <= tracks.time_s[row])]
+        rejected = np.diff(passed, prepend=since)
+        rows += [row] * len(rejected)
+        gaps += np.minimum(rejected, _LONGEST_GAP_S).tolist()
     return Values(np.array(rows, int), np.array(gaps, float), np.ones(len(rows)))
 
 
-def _next_time(times: list[float] | tuple[()], after_s: float) -> float:
-    at = int(np.searchsorted(np.asarray(times, float), after_s, side="right"))
-    return times[at] if at < len(times) else np.inf
+def _yielding_entries(placed: Placed) -> list[tuple[int, np.ndarray]]:
+    """Samples with which vehicles enter a junction where they yield, and the times of entries with priority."""
+    entries = inside_entries(placed)
+    lane = [placed.lanes[code] for code in placed.code[entries].tolist()]
+    by_lane: dict[str, list[float]] = {}
+    for name, time_s in zip(lane, placed.tracks.time_s[entries].tolist(), strict=True):
+        by_lane.setdefault(name, []).append(time_s)
+    foes = {
+        name: np.sort(np.concatenate([by_lane[foe] for foe in found if foe in by_lane] or [np.zeros(0)]))
+        for name in by_lane
+        if (found := placed.network.yields_to.get(name, ()))
+    }
+    return [(row, foes[name]) for row, name in zip(entries.tolist(), lane, strict=True) if name in foes]
+
+
+def _next_time(times: np.ndarray, after_s: float) -> float:
+    at = int(np.searchsorted(times, after_s, side="right"))
+    return float(times[at]) if at < len(times) else np.inf
 
 
 def _yielding(placed: Placed) -> Values:
@@ -567,6 +595,7 @@ _FUNCTIONS: Mapping[str, Callable[[Placed], Values]] = {
     "lane_changes_route": _lane_changes("route"),
     "lane_changes_other": _lane_changes("other"),
     "accepted_gap": _accepted_gap,
+    "rejected_gap": _rejected_gap,
     "yielding": _yielding,
     "pull_outs": _pull_outs,
     "stops": _stops,

@@ -2,7 +2,7 @@
 
 highD, inD, rounD, exiD: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` (Krajewski et al., ITSC
 2018; Bock et al., IV 2020). NGSIM: columns of the FHWA tables, in feet and milliseconds. pNEUMA: a vehicle per line
-(Barmpounakis and Geroliminis, Transp. Res. C 2020). SUMO: `--fcd-output FILE.csv`.
+(Barmpounakis and Geroliminis, Transp. Res. C 2020), positions of the middle of the body. SUMO: `--fcd-output FILE.csv`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,13 @@ import numpy as np
 
 from cosim.driver_discrepancy.fcd import read_fcd_table
 from cosim.driver_discrepancy.tracks import TrackError, Tracks, gathered
+from cosim.traffic.starting import start_sumo_with
+from cosim.traffic.trajectories.kinds import user_of
 from sumo_nets import Town
 
 _FOOT_M = 0.3048
+_CENTRED = ("xcenter", "ycenter", "heading", "length")
+_CORNERS = ("x", "y", "width", "height")
 _KINDS = {
     "car": "car",
     "taxi": "car",
@@ -90,7 +94,11 @@ def _read_levelx(path: Path, header: Sequence[str], *, centred: bool) -> Tracks:
     rate = float(recording["framerate"][0])
     key = "trackid" if centred else "id"
     kind = {who: _KINDS.get(word.lower(), "") for who, word in zip(meta[key], meta["class"], strict=True)}
-    number = {name: _numbers(path, name, values) for name, values in table.items() if name not in (key, "lanelets")}
+    wanted = ("frame", "xvelocity", "yvelocity", *(_CENTRED if centred else _CORNERS))
+    missing = [name for name in wanted if name not in table]
+    if missing:
+        raise TrackError(f"{path}: missing columns {', '.join(missing)}; give the file as it was published")
+    number = {name: _numbers(path, name, table[name]) for name in wanted}
     vx, vy = number["xvelocity"], number["yvelocity"]
     if centred:
         position = np.column_stack([number["xcenter"], number["ycenter"]])
@@ -140,14 +148,26 @@ def _read_pneuma(path: Path, town: Town) -> Tracks:
     if not values:
         raise TrackError(f"{path}: holds no vehicle; give pNEUMA's file with a vehicle per line")
     table = np.concatenate(values)
-    try:
-        position = np.array([town.network.convertLonLat2XY(lon, lat) for lat, lon in table[:, :2].tolist()])
-    except (RuntimeError, ImportError) as error:
+    position = _from_geographic(path, town, table[:, 1], table[:, 0])
+    tracks = _gather(path, ids, kind, table[:, 5], position, table[:, 2] / 3.6, None)
+    length = [user.size_m[0] if (user := user_of(word)) else 0.0 for word in tracks.types]
+    ahead = np.column_stack([np.cos(tracks.heading_rad), np.sin(tracks.heading_rad)])
+    return replace(tracks, place=tracks.place + np.nan_to_num(ahead) * np.array(length)[tracks.vehicle][:, None] / 2)
+
+
+def _from_geographic(path: Path, town: Town, lon_deg: np.ndarray, lat_deg: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) in the network's axes [m], by SUMO's own projection of the network."""
+    if not town.network.hasGeoProj():
         raise TrackError(
             f"{path}: has latitudes and longitudes, and the network of {town.name} no geographic projection; give a "
             "network that was imported with one"
-        ) from error
-    return _gather(path, ids, kind, table[:, 5], position, table[:, 2] / 3.6, None)
+        )
+    sumo = start_sumo_with(["-n", str(town.net)])
+    try:
+        pairs = zip(lon_deg.tolist(), lat_deg.tolist(), strict=True)
+        return np.array([sumo.simulation.convertGeo(lon, lat, fromGeo=True) for lon, lat in pairs], float)
+    finally:
+        sumo.close()
 
 
 def _gather(
@@ -174,6 +194,9 @@ def _gather(
     )
     if len(tracks.ids) < 2:
         raise TrackError(f"{path}: holds one vehicle only ({', '.join(tracks.ids)!r}); give two or more")
+    others = len({who for who in ids if not kind[who]})
+    if others:
+        tracks = replace(tracks, notes=(f"{others} road users that are no motor vehicles were left out",))
     return tracks if heading is not None else replace(tracks, heading_rad=_courses(tracks))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from cosim.driver_discrepancy.datasets import read_dataset
 from cosim.driver_discrepancy.tracks import COLUMNS, TrackError, Tracks, gathered, read_tracks
 from cosim.traffic.trajectories.read import read_trajectories
+from cosim.traffic.trajectories.table import is_columnar
 from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
 from sumo_nets import Town
 
@@ -25,14 +26,14 @@ def read_measured(path: Path, town: Town, vtypes: Sequence[Path] = ()) -> Tracks
     """Read trajectories.
 
     Args:
-        path: a table (CSV), FCD output, CommonRoad or OpenSCENARIO.
+        path: a table (CSV, Parquet, Feather), FCD output, CommonRoad or OpenSCENARIO.
         town: gives the streets.
         vtypes: SUMO files with further vehicle types.
 
     Raises:
         TrackError: the file cannot be read, has no moving vehicle, or fewer than two vehicles.
     """
-    if path.name.removesuffix(".gz").endswith((".xml", ".xosc")):
+    if path.name.removesuffix(".gz").endswith((".xml", ".xosc")) or is_columnar(path):
         return _from_road_tracks(path, _read(path, town, vtypes))
     header = _header(path)
     if not header or set(header) >= _LOOP or len(_LOOP & set(header)) >= 4:
@@ -80,7 +81,7 @@ def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:
     )
     if len(tracks.ids) < 2:
         raise TrackError(f"{path}: holds one vehicle only ({', '.join(tracks.ids)!r}); give two or more")
-    return replace(tracks, notes=tuple(road.notes))
+    return replace(tracks, notes=tuple(road.notes), derives_speed=road.derives_speed)
 
 
 def _header(path: Path) -> list[str]:

@@ -37,6 +37,7 @@ class Tracks:
         heading_rad: (n,) counter-clockwise from east.
         lane: n SUMO lane ids; empty where unknown.
         notes: what was changed when they were read, a sentence each.
+        derives_speed: speeds were not measured but derived from positions.
     """
 
     ids: tuple[str, ...]
@@ -48,6 +49,7 @@ class Tracks:
     heading_rad: np.ndarray
     lane: np.ndarray
     notes: tuple[str, ...] = ()
+    derives_speed: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -97,6 +99,15 @@ def take_rows(tracks: Tracks, chosen: np.ndarray) -> Tracks:
     """Samples of a mask or of row numbers, of the same vehicles; those without samples must not be left."""
     parts = ("vehicle", "time_s", "place", "speed_mps", "heading_rad", "lane")
     return replace(tracks, **{name: getattr(tracks, name)[chosen] for name in parts})
+
+
+def without_empty(tracks: Tracks) -> Tracks:
+    """The same without vehicles that have no sample."""
+    there = np.unique(tracks.vehicle)
+    if len(there) == len(tracks.ids):
+        return tracks
+    ids, types = (tuple(words[at] for at in there.tolist()) for words in (tracks.ids, tracks.types))
+    return replace(tracks, ids=ids, types=types, vehicle=np.searchsorted(there, tracks.vehicle))
 
 
 def read_tracks(path: Path) -> Tracks:

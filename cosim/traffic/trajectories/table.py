@@ -1,4 +1,4 @@
-"""Tracks in a table (CSV): the traffic loop's, SUMO's, and those of data sets, whose columns have many names.
+"""Tracks in a table (CSV, Parquet, Feather): the traffic loop's, SUMO's, and those of data sets.
 
 Argoverse 1 and 2 (Chang et al., CVPR 2019; Wilson et al., NeurIPS 2021), Waymo Open Motion (Ettinger et al., ICCV 2021)
 and INTERACTION (Zhan et al., 2019) give the middle of the body; the traffic loop's table and SUMO's
@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
 from cosim.traffic.trajectories.riders import is_rider
@@ -27,6 +28,7 @@ from cosim.traffic.trajectories.tracks import RoadTracks, TrackSample, Trajector
 
 _FALSE = frozenset({"0", "0.0", "false", ""})
 _NO_TYPE = "car"
+_COLUMNAR = (".parquet", ".feather")
 _FASTEST_MPS, _WIDEST_RAD, _LONGEST_M = 90.0, 4 * np.pi + 0.01, 40.0  # what lies beyond is no measurement
 
 
@@ -171,6 +173,23 @@ def _identifier(text: str) -> str:
     return text.strip().removesuffix(".0")
 
 
+def is_columnar(path: Path) -> bool:
+    """Whether a table is stored by columns: Parquet or Feather."""
+    return path.suffix.lower() in _COLUMNAR
+
+
+def _columnar_rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    read = {".parquet": polars.read_parquet, ".feather": polars.read_ipc}[path.suffix.lower()]
+    try:
+        table = read(path)
+    except (OSError, polars.exceptions.PolarsError) as error:
+        reason = " ".join(str(error).split())
+        raise TrajectoryError(f"{path} cannot be read as {path.suffix[1:].title()}: {reason}; copy it again") from error
+    cells = ["" if value is None else str(value) for column in table.iter_columns() for value in column.to_list()]
+    height = table.height
+    return [name.strip() for name in table.columns], [cells[row::height] for row in range(height)] if height else []
+
+
 def _valid_rows(header: Sequence[str], rows: list[list[str]], options: TableOptions) -> list[list[str]]:
     names = [options.columns["valid"]] if "valid" in options.columns else named_columns(header, "valid")
     if not names or names[0] not in header:
@@ -213,7 +232,9 @@ def _numbers(path: Path, name: str, cells: list[str]) -> np.ndarray:
 
 
 def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Names of the columns, and the cells below them; the separator is what separates the header best."""
+    """Names of the columns, and the cells below them; the separator of CSV is what separates the header best."""
+    if is_columnar(path):
+        return _columnar_rows(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
         first = text.lstrip().partition("\n")[0]

@@ -45,6 +45,7 @@ class RoadTracks:
         notes: what of the file was inferred or left out, a line each.
         inferred: the meaning of a table's columns, for `drive.yaml`; empty for other files.
         undirected: road users of unknown heading, which neither move nor have one.
+        derives_speed: most speeds were not measured but derived from positions.
     """
 
     ids: tuple[str, ...]
@@ -62,6 +63,7 @@ class RoadTracks:
     notes: tuple[str, ...] = ()
     inferred: Mapping[str, Any] = field(default_factory=dict)
     undirected: tuple[str, ...] = ()
+    derives_speed: bool = False
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -147,6 +149,7 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
     _check_numbers(path, kept, time_s, position)
     size = np.array([users[name].size_m for name in ids], float)
     undirected: list[str] = []
+    derives_speed = bool(np.isnan(speed).mean() > 0.5)
     for number, name in enumerate(ids):
         rows = slice(first[number], first[number + 1])
         _check_order(path, name, time_s[rows])
@@ -172,6 +175,7 @@ def gather(path: Path, samples: Sequence[TrackSample], users: Mapping[str, User]
         signals=np.array([one.signals for one in kept], np.int64),
         lanes=tuple(one.lane for one in kept),
         undirected=tuple(undirected),
+        derives_speed=derives_speed,
     )
 
 

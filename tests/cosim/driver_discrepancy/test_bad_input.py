@@ -117,6 +117,12 @@ def jumping(after_s: float, by_s: float) -> np.ndarray:
     return table
 
 
+def overlaid() -> np.ndarray:
+    """A second recording on the same clock, in which slower vehicles on the same streets are overtaken."""
+    slower = drives() * (4 / 3, 1, 1, 1, 3 / 4, 1) + (2, 2, 0, 0, 0, 0)
+    return np.concatenate([drives() + np.array((4, 0, 0, 0, 0, 0)), slower])
+
+
 def tracks_of_two_seconds() -> np.ndarray:
     short = drives()[drives()[:, 0] <= 2]
     return np.concatenate([short + np.array((3.0 * k, 2 * k, 0, 0, 0, 0)) for k in range(6)])
@@ -134,10 +140,15 @@ def tracks_of_two_seconds() -> np.ndarray:
             lambda: np.concatenate([drives(), drives() + np.array((400, 5, 0, 0, 0, 0))]),
             "the file holds two recordings",
         ),
+        (
+            lambda: np.concatenate([drives(), drives() + np.array((400, 0, 0, 0, 0, 0))]),
+            "the file holds two recordings",
+        ),
+        (overlaid, "4 of 4 moving vehicles come within 1 m of another one at the same time"),
         (lambda: jumping(6.0, -5.0), "the clock goes back by 4.8 s after 6.00 s"),
         (
             lambda: np.concatenate([drives(), drives() + np.array((0, 5, 0, 0, 0, 0))]),
-            "lie within 1 m of another vehicle at the same time: the file holds two recordings on one clock",
+            "come within 1 m of another one at the same time: the file holds two recordings on one clock",
         ),
         (lambda: drives() + np.array((0, 0, 0, 0, 0, 70)), "headings differ from the direction of travel by 70°"),
         (lambda: tracks_of_two_seconds(), "half of the vehicles are seen for less than 2.0 s"),
