@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from tests.hidden.amplitudes import parameters
 from sensors.pattern import load_pattern
+from tests.hidden.amplitudes import parameters
 from tests.hidden.drive import Hidden, make_drive
 
 FOLDER = Path("out/hidden/recordings")
