@@ -277,7 +277,7 @@ def fit_lasers(
         for row in range(len(lines)):
             own = np.flatnonzero((which == row) & (np.abs(off) < half))
             if len(own) >= _LEAST_POINTS:
-                start = _with_centre(lines[row], usual_m[row], rho[own]) if blur.any() else lines[row]
+                start = _with_centre(lines[row], usual_m[row], rho[own])
                 lines[row] = _robust_line(rho[own], z[own], blur[own], start)
     which, off = nearest_laser(rho, z, lines)
     return _described(lines, which, off, scan, blur)
