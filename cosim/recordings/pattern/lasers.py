@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 _CELL_DEG = 0.02
 _CENTRES_M = np.arange(-0.30, 0.3001, 0.01)
@@ -273,7 +272,7 @@ def fit_lasers(
     half = half_width_rad(blur)
     for _ in range(rounds):
         which, off = nearest_laser(rho, z, lines)
-        usual_m = median_filter(lines[:, 1], _LIKE_NEIGHBOURS, mode="nearest")
+        usual_m = _usual_centres(lines[:, 1])
         for row in range(len(lines)):
             own = np.flatnonzero((which == row) & (np.abs(off) < half))
             if len(own) >= _LEAST_POINTS:
@@ -281,6 +280,12 @@ def fit_lasers(
                 lines[row] = _robust_line(rho[own], z[own], blur[own], start)
     which, off = nearest_laser(rho, z, lines)
     return _described(lines, which, off, scan, blur)
+
+
+def _usual_centres(centre_m: np.ndarray) -> np.ndarray:
+    """(k,) median centres of the lasers about each one."""
+    first = np.clip(np.arange(len(centre_m)) - _LIKE_NEIGHBOURS // 2, 0, max(len(centre_m) - _LIKE_NEIGHBOURS, 0))
+    return np.array([np.median(centre_m[at : at + _LIKE_NEIGHBOURS]) for at in first])
 
 
 def _with_centre(line: np.ndarray, centre_m: float, rho: np.ndarray) -> np.ndarray:
