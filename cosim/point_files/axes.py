@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.point_files.clues import find_ground, sense_of_rotation
+from cosim.point_files.clues import elevation_entropy, find_ground, sense_of_rotation
 from cosim.point_files.scan import PointFileError
 
 _UNITS_M = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.3048: "feet"}
@@ -97,7 +97,12 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
 
 
 def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -> None:
-    """Raise where the ground shows clearly across another axis than z: a layer all around, which across z is none."""
+    """Raise where ground and lasers show that another axis than z is vertical.
+
+    The ground is a layer all around across that axis, and none across z; and elevations about that axis are as few as
+    about z, or fewer, as of the cones that lasers draw about the axis of the head. A wall close by is such a layer,
+    too, but lasers draw no cones about its normal.
+    """
     across_z = [find_ground(cloud, metres) for cloud in clouds]
     around_z = [
         ground is not None and _lies_around(cloud, ground.z, metres)
@@ -112,7 +117,8 @@ def _demand_vertical(clouds: Sequence[np.ndarray], metres: float, source: str) -
             for cloud, ground in zip(clouds, turned, strict=True)
             if ground is not None and _lies_around(cloud[:, order], ground.z, metres)
         ]
-        if clear and 2 * len(clear) > len(clouds):
+        is_axis = [elevation_entropy(cloud[:, order]) <= elevation_entropy(cloud) for cloud in clouds]
+        if clear and 2 * len(clear) > len(clouds) and 2 * sum(is_axis) > len(clouds):
             depth = float(np.median([ground.z for ground in clear])) * metres
             down = letter if depth > 0 else f"-{letter}"
             raise PointFileError(

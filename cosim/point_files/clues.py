@@ -17,6 +17,7 @@ _TURN = (0.45, 1.6)  # revolutions that one scan may hold
 _LAYER_M, _HEIGHTS_M = 0.2, (0.3, 6.0)  # thickness of a ground layer, heights of sensors above the ground
 _LAYER_SHARE, _OTHER_SHARE, _BEYOND_SHARE = 0.12, 0.3, 0.02
 _REACH_M = 40.0  # of points that show the ground
+_ELEVATION_CELLS = 1800  # of 0.1°
 _RING_SPREAD = 0.3  # spread of elevations within a laser over that of all points
 _GROWTH = 0.97  # correlation of time with place in the file
 _ANGLE_UNITS_RAD = (1.0, np.pi / 180, np.pi / 18_000)  # of columns that repeat an angle
@@ -88,6 +89,14 @@ def sense_of_rotation(xyz: np.ndarray, time: np.ndarray | None) -> int | None:
     if not _TURN[0] < turns < _TURN[1] or float(np.mean(sense * step > 0)) < _SAME_SENSE:
         return None
     return sense
+
+
+def elevation_entropy(xyz: np.ndarray) -> float:
+    """Entropy of the elevations of points (n, 3) about z [nats]: low where they gather on cones, as those of lasers."""
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    counts = np.histogram(elevation, _ELEVATION_CELLS, (-np.pi / 2, np.pi / 2))[0]
+    share = counts[counts > 0] / max(len(xyz), 1)
+    return float(-np.sum(share * np.log(share)))
 
 
 def separates_elevations(xyz: np.ndarray, values: np.ndarray) -> bool:

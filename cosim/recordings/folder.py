@@ -37,7 +37,7 @@ def find_scans(root: Path, pattern: str | None = None) -> tuple[Path, ...]:
             raise RecordingError(f"{root}: scans in {_named(below)}; give one of these folders")
         here = _scans_in(below[0], pattern) if below else ()
     if not here:
-        wanted = f"that match {pattern!r}" if pattern else f"({', '.join(SUFFIXES)}, bags, Ouster .pcap or .osf)"
+        wanted = f"that match {pattern!r}" if pattern else f"({', '.join(SUFFIXES)}, bags, .pcap, .osf)"
         raise RecordingError(f"{root}: no scans {wanted}; give the folder that holds them")
     types = {suffix: sum(suffix_of(file) == suffix for file in here) for suffix in {suffix_of(file) for file in here}}
     if len(types) > 1:

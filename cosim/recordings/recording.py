@@ -14,12 +14,12 @@ from cosim.point_files import Columns, PointSchema, find_schema, make_scan
 from cosim.recordings.folder import find_scans, find_stamps, name_numbers
 from cosim.recordings.poses import find_poses, read_poses
 from cosim.recordings.reading import (
-    OUSTER_SUFFIXES,
+    PACKET_SUFFIXES,
     Source,
     bag_sources,
     file_sources,
     is_bag,
-    ouster_sources,
+    packet_sources,
     suffix_of,
 )
 from cosim.recordings.scan import RecordingError, Scan, recording_errors
@@ -185,8 +185,8 @@ def _readable(sources: tuple[Source, ...]) -> tuple[np.ndarray, list[str]]:
 def _sources(folder: Path, settings: RecordingSettings) -> tuple[tuple[Source, ...], np.ndarray | None]:
     if is_bag(folder):
         sources = bag_sources(folder, settings.topic)
-    elif folder.is_file() and folder.suffix.lower() in OUSTER_SUFFIXES:
-        sources = ouster_sources(folder)
+    elif folder.is_file() and folder.suffix.lower() in PACKET_SUFFIXES:
+        sources = packet_sources(folder)
     elif folder.is_file():
         if not suffix_of(folder):
             raise RecordingError(f"{folder}: no reader for {folder.suffix or 'such files'}; see docs/recordings.md")

@@ -22,13 +22,14 @@ from typing import Any
 import numpy as np
 import yaml
 
+from sensors.pattern import load_pattern
 from tests.hidden.amplitudes import parameters
 from tests.hidden.drive import Hidden, make_drive
 
 FOLDER = Path("out/hidden/recordings")
 EFFECTS = (
     "sweep_motion", "elevation_offset", "range_walk", "incidence_falloff", "random_dropout", "ring_gain",
-    "encoder_eccentricity", "dual_block", "incidence_bias", "range_falloff", "ring_elevation", "detection_threshold",
+    "encoder_eccentricity", "incidence_bias", "dual_block", "range_falloff", "ring_elevation", "detection_threshold",
 )  # fmt: skip
 FURTHER = ("focal_response",)  # when named with --only
 NULLS = 4
@@ -40,7 +41,8 @@ _BASE = {
     "images": [],
 }
 _TOWNS = ("town01", "town07")
-_FIRINGS = 1042  # a turn, half of an HDL-64E's: as much to learn from, at half the cost
+_FIRINGS = {"hdl64e": 1042, "vlp32c": None}  # a turn; half of an HDL-64E's: as much to learn from, at half the cost
+_PATH_M = 20.0  # of the car, at least
 _SCANS = 24  # that the true twin is diagnosed on, evenly spread, as many as of a map
 
 
@@ -51,12 +53,14 @@ class Case:
     Attributes:
         name: the hidden effect, or `null` with a number.
         town: where.
+        pattern: name of the beam pattern.
         effects: hidden, by name with parameters.
         seed: of noise and parameters.
     """
 
     name: str
     town: str
+    pattern: str
     effects: Mapping[str, Mapping]
     seed: int
 
@@ -69,33 +73,63 @@ class Answer:
         found: effects with parameters and intervals, in order.
         shapes: channels of unknown shapes.
         unexplained: channels and covariates of what is left.
+        is_recommended: whether the calibrated file is recommended; None of a diagnosis.
         cpu_s: user and system time.
     """
 
     found: list[dict[str, Any]]
     shapes: list[str]
     unexplained: list[str]
+    is_recommended: bool | None
     cpu_s: float
 
 
-def cases() -> list[Case]:
-    """Twelve effects and some further ones, strongly, and drives with nothing hidden."""
+def cases(seed: int) -> list[Case]:
+    """Twelve effects and some further ones, strongly, and drives with nothing hidden; in two towns, with two patterns.
+
+    Args:
+        seed: of traffic, parameters and noise.
+    """
+    patterns = tuple(_FIRINGS)
     found = []
-    for seed, name in enumerate((*EFFECTS, *FURTHER)):
-        drawn = parameters(name, "strong", np.random.default_rng([7, seed]))
-        found.append(Case(name, _TOWNS[0], {name: drawn}, seed))
-    return found + [Case(f"null{number}", _TOWNS[number % 2], {}, 100 + number) for number in range(NULLS)]
+    for number, name in enumerate((*EFFECTS, *FURTHER)):
+        pattern = patterns[number // 2 % 2]
+        rings = len(load_pattern(pattern).elevation_deg)
+        drawn = parameters(name, "strong", np.random.default_rng([seed, number]), rings)
+        found.append(Case(name, _TOWNS[number % 2], pattern, {name: drawn}, 1000 * seed + number))
+    for number in range(NULLS):
+        null = Case(f"null{number}", _TOWNS[number % 2], patterns[number // 2 % 2], {}, 1000 * seed + 100 + number)
+        found.append(null)
+    return found
 
 
-def base_drive(town: str, folder: Path) -> Path:
-    """Sixty scans, ten a second, of a moving car; simulated now if they are not there."""
-    drive = folder / "base" / town
+def base_drive(case: Case, folder: Path) -> Path:
+    """Sixty scans, ten a second, of a moving car; simulated now if they are not there.
+
+    The traffic seed is the first one, from the seed of all cases, with which the car moves far enough.
+    """
+    drive = folder / "base" / f"{case.town}_{case.pattern}"
+    chosen = folder / "base" / f"{case.town}.seed"
     if not (drive / "drive.yaml").exists():
         drive.parent.mkdir(parents=True, exist_ok=True)
         settings = folder / "base.yaml"
         settings.write_text(yaml.safe_dump(_BASE))
-        _cosim("run", settings, "--town", town, "--seed", "3", "--sensor", "hdl64e", "--workers", "1", "--out", drive)
+        seed = int(chosen.read_text()) if chosen.exists() else case.seed // 1000
+        own = ["--town", case.town, "--sensor", case.pattern, "--workers", "1", "--out", drive]
+        _cosim("run", settings, *own, "--seed", seed)
+        while path_length_m(drive) < _PATH_M:
+            shutil.rmtree(drive)
+            seed += 1
+            _cosim("run", settings, *own, "--seed", seed)
+        chosen.write_text(str(seed))
     return drive
+
+
+def path_length_m(drive: Path) -> float:
+    """Length of the path of the car of a simulated drive [m]."""
+    frames = [json.loads(file.read_text()) for file in sorted((drive / "twin" / "frames").glob("*.json"))]
+    places = np.array([frame["ego"]["pose"] for frame in frames])[:, :2, 3]
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
 
 def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
@@ -105,7 +139,8 @@ def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     if not (path / "made").exists():
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir(parents=True)
-        make_drive(base_drive(case.town, folder), drive, Hidden(effects=case.effects, seed=case.seed, firings=_FIRINGS))
+        hidden = Hidden(effects=case.effects, seed=case.seed, firings=_FIRINGS[case.pattern])
+        make_drive(base_drive(case, folder), drive, hidden)
         (path / "recording").mkdir()
         shutil.copytree(drive / "velodyne", path / "recording" / "velodyne")
         (path / "made").touch()
@@ -144,7 +179,7 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
             if name in latest:
                 latest[name] = {**latest[name], **values}
     last = report["rounds"][-1]
-    return _answer(list(latest.values()), last, cpu_s)
+    return _answer(list(latest.values()), last, report["recommended"], cpu_s)
 
 
 def _of_points(effects: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -163,13 +198,15 @@ def diagnosed(case: Case, folder: Path) -> Answer:
     report, cpu_s = _pattern_findings(
         out, "diagnose", drive, "--sensor", file, "--frames", _SCANS, "--out", out / "files"
     )
-    return _answer(report["effects"], report, cpu_s)
+    return _answer(report["effects"], report, None, cpu_s)
 
 
-def _answer(effects: list[dict[str, Any]], values: Mapping[str, Any], cpu_s: float) -> Answer:
+def _answer(
+    effects: list[dict[str, Any]], values: Mapping[str, Any], is_recommended: bool | None, cpu_s: float
+) -> Answer:
     shapes = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in values["unknowns"]]
     left = [f"{one['channel']} by {'+'.join(one['covariates'])}" for one in values["unexplained"]]
-    return Answer(effects, shapes, left, cpu_s)
+    return Answer(effects, shapes, left, is_recommended, cpu_s)
 
 
 def _pattern_findings(out: Path, *command: object) -> tuple[dict[str, Any], float]:
@@ -194,7 +231,10 @@ def line(case: Case, answer: Answer) -> str:
     """A row of the table."""
     names = [one["effect"] for one in answer.found]
     right = names[:1] == list(case.effects)[:1]
-    words = [f"{case.name:22s}", "right" if right else "WRONG", f"{answer.cpu_s:6.0f} s", ", ".join(names) or "nothing"]
+    drive = f"{case.name:22s} {case.town} {case.pattern}"
+    words = [drive, "right" if right else "WRONG", f"{answer.cpu_s:6.0f} s", ", ".join(names) or "nothing"]
+    if answer.is_recommended is not None:
+        words.append("recommended" if answer.is_recommended else "not recommended")
     for one in answer.found:
         if one["effect"] in case.effects:
             words.append(_compared(case.effects[one["effect"]], one))
@@ -218,15 +258,15 @@ def main(words: list[str] | None = None) -> None:
     """Make, calibrate, diagnose, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, default=FOLDER)
+    parser.add_argument("--seed", type=int, default=7, help="of traffic, parameters and noise; a folder holds one seed")
     parser.add_argument("--only", nargs="*", default=[], help="names of cases")
     parser.add_argument("--from-file", action="store_true", help="start from the user's sensor file, not from nothing")
     parser.add_argument("--true-twin", action="store_true", help="also diagnose with the true twin")
     parser.add_argument("--order", choices=ORDERS, default="rings", help="of the points in the files")
     parser.add_argument("--rounds", type=int, default=5, help="of map and diagnosis at most")
     options = parser.parse_args(words)
-    for case in cases():
-        if case.name in FURTHER if not options.only else case.name not in options.only:
-            continue
+    every = {case.name: case for case in cases(options.seed)}
+    for case in (every[name] for name in options.only or every if name in options.only or name not in FURTHER):
         answer = calibrated(case, options.folder, options.from_file, options.rounds, options.order)
         print("scans only:", line(case, answer), flush=True)
         if options.true_twin:

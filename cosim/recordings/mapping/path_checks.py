@@ -72,7 +72,7 @@ def check_sweep(
     elif backwards:
         findings["travel"] = (
             f"the sensor travels against its x axis (azimuth {travel_deg(path):+.0f}°), which must point forward: "
-            "state the axes with --axes -x,-y,z, or the vehicle reverses"
+            "state the axes with --axes -x,-y,z, or the vehicle reverses, or the scans are in reverse order"
         )
     return raise_findings(recording, findings, accepted)
 
@@ -95,7 +95,10 @@ def _near(scan: Scan) -> np.ndarray:
 
 
 def _poses(recording: Recording, path: Trajectory, met: float) -> str:
-    """Given poses that bring neighbouring scans together much worse than odometry does."""
+    """Given poses that bring scans together much worse than odometry does.
+
+    Scans are compared over half of the part, because wrong turns or a mirrored path add up from scan to scan.
+    """
     if path.from_odometry:
         return ""
     count = min(len(recording), _TRIED)
@@ -104,21 +107,26 @@ def _poses(recording: Recording, path: Trajectory, met: float) -> str:
     first = int(np.argmax(sums))
     part = recording.between(first, first + count)
     own = find_trajectory(part.without_poses(), 0.1)
-    given = np.mean(_met(part, path.poses[first : first + count]))
+    window = path.poses[first : first + count]
+    given = np.mean(_met(part, window))
     found = np.mean(_met(part, own.poses))
     if found - given < _BETTER:
         return ""
-    turned = _rotation_between(path.poses[first : first + count], own.poses)
+    turned = _rotation_between(window, own.poses)
     how = f", and agree after a turn of {turned:.0f}°" if turned > 2 else ""
+    lengths = [float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum()) for poses in (window, own.poses)]
     return (
-        f"under the given poses {given:.0%} of the points of a scan meet those of the one before, under odometry's "
-        f"{found:.0%}{how}: the poses are of another frame (vehicle, IMU or camera) or of another recording; give "
-        "poses of the LiDAR, or none"
+        f"under the given poses {given:.0%} of the points of a scan meet those of the scan {count // 2} before, under "
+        f"odometry's {found:.0%}{how}; their path is {lengths[0]:.1f} m long, odometry's {lengths[1]:.1f} m: the poses "
+        "are of another frame (vehicle, IMU, camera, or mirrored), unit or recording; give poses of the LiDAR [m], or "
+        "none"
     )
 
 
 def _met(part: Recording, poses: np.ndarray) -> list[float]:
-    return [met_share(part[row - 1], part[row], poses[row - 1], poses[row]) for row in range(1, len(part))]
+    """Shares of the points of scans that meet those of the scan half of the part before."""
+    apart = max(1, len(part) // 2)
+    return [met_share(part[row - apart], part[row], poses[row - apart], poses[row]) for row in range(apart, len(part))]
 
 
 def _rotation_between(given: np.ndarray, estimated: np.ndarray) -> float:

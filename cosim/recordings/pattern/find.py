@@ -12,7 +12,9 @@ from cosim.recordings.folder import name_numbers
 from cosim.recordings.pattern.lasers import (
     NEAREST_M,
     Lasers,
+    blur_rad,
     find_lasers,
+    half_width_rad,
     nearest_laser,
     ring_lasers,
     rounding_m,
@@ -23,7 +25,6 @@ from cosim.recordings.scan import RecordingError, Scan
 from sensors.pattern import Pattern
 
 SCANS = 12  # evenly spaced; more scans add little information
-_ON_BEAM_DEG = 0.06  # a point so near a laser's cone is on it
 _LEAST_SHARE = 0.8  # of points on a beam: below, this is no spinning sensor in its own axes
 _DOUBTFUL_SHARE = 0.97
 _ODD_SHARE = 0.15  # a scan with this much less on the beams than the others is another sensor's
@@ -138,8 +139,8 @@ def beams_of(scan: Scan, lines: np.ndarray) -> np.ndarray:
     """Row of the laser (lines (k, 2) as `Lasers.lines`) that each point of a scan comes from, (n,) int; −1 for none."""
     rho = scan.flat_range_m
     which, off = nearest_laser(rho, scan.xyz[:, 2], lines)
-    blurred = rounding_m(scan.xyz) / np.maximum(rho, NEAREST_M / 2)
-    return np.where(np.abs(off) < np.radians(_ON_BEAM_DEG) + blurred, which, -1)
+    blur = blur_rad(rounding_m(scan.xyz), rho, scan.xyz[:, 2])
+    return np.where(np.abs(off) < half_width_rad(blur), which, -1)
 
 
 def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
@@ -150,9 +151,7 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
     rounding = min(rounding_m(scan.xyz) for scan in scans)
     found = find_lasers(rho, height, number, rounding)
     how = (
-        [f"coordinates are multiples of {rounding:g} m: only distant points are used for elevations"]
-        if rounding
-        else []
+        [f"coordinates are multiples of {rounding:g} m, which blurs the elevations of near points"] if rounding else []
     )
     rings = [scan.ring for scan in scans if scan.ring is not None]
     if len(rings) < len(scans):
@@ -160,7 +159,7 @@ def _lasers(scans: list[Scan]) -> tuple[Lasers, list[str]]:
     ring = np.concatenate(rings)
     if ring.min() < 0 or ring.max() > 255:
         return found, [f"ring numbers run from {ring.min()} to {ring.max()}: not used"]
-    numbered = ring_lasers(rho, height, number, ring)
+    numbered = ring_lasers(rho, height, number, ring, rounding)
     numbers = len(np.unique(ring))
     if not len(numbered) or np.median(numbered.misfit_deg) > _RING_MISFIT_DEG * max(
         1, 4 * (found.share < _LEAST_SHARE)

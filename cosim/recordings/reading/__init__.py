@@ -2,16 +2,16 @@
 
 from cosim.recordings.reading.bags import bag_sources, is_bag
 from cosim.recordings.reading.files import SUFFIXES, file_sources, suffix_of
-from cosim.recordings.reading.ouster import OUSTER_SUFFIXES, ouster_sources
+from cosim.recordings.reading.packets import PACKET_SUFFIXES, packet_sources
 from cosim.recordings.reading.source import Source
 
 __all__ = [
-    "OUSTER_SUFFIXES",
+    "PACKET_SUFFIXES",
     "SUFFIXES",
     "Source",
     "bag_sources",
     "file_sources",
     "is_bag",
-    "ouster_sources",
+    "packet_sources",
     "suffix_of",
 ]

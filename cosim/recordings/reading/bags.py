@@ -1,10 +1,11 @@
 """ROS 1 and ROS 2 bags, SQLite and MCAP: the messages of one topic of clouds.
 
-sensor_msgs/PointCloud2 and PointField as ROS defines them (docs.ros.org).
+sensor_msgs/PointCloud2 and PointField as ROS defines them (docs.ros.org); livox_ros_driver's CustomMsg.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,7 @@ class _Cursor:
             for connection, _, data in self._messages or ():
                 self._next += 1
                 if self._next > number:
-                    return cloud_columns(self._reader.deserialize(data, connection.msgtype))
+                    return _DECODERS[connection.msgtype](self._reader.deserialize(data, connection.msgtype))
         except RecordingError:
             raise
         except Exception as error:  # noqa: BLE001 - see above
@@ -131,6 +132,22 @@ def cloud_columns(message: Any) -> Columns:
     return {name: points[name].astype(points[name].dtype.newbyteorder("=")) for name in row.names or ()}
 
 
+def livox_columns(message: Any) -> Columns:
+    """The fields of a CustomMsg of livox_ros_driver, (n,) each."""
+    names = ("x", "y", "z", "reflectivity", "offset_time", "line")
+    rows = np.array([[getattr(point, name) for name in names] for point in message.points], np.float64)
+    rows = rows.reshape(-1, len(names))
+    kinds = ("f4", "f4", "f4", "u1", "u4", "u1")
+    return {name: rows[:, at].astype(kind) for at, (name, kind) in enumerate(zip(names, kinds, strict=True))}
+
+
+_DECODERS: dict[str, Callable[[Any], Columns]] = {
+    CLOUD: cloud_columns,
+    "livox_ros_driver/msg/CustomMsg": livox_columns,
+    "livox_ros_driver2/msg/CustomMsg": livox_columns,
+}
+
+
 def _reader(path: Path) -> Any:
     highlevel, typesys = needed("rosbags.highlevel", "a ROS bag"), needed("rosbags.typesys", "a ROS bag")
     stores = [path] if path.is_file() or (path / "metadata.yaml").is_file() else _stores(path)
@@ -143,7 +160,7 @@ def _stores(folder: Path) -> list[Path]:
 
 def _chosen(reader: Any, path: Path, topic: str | None) -> str:
     types = {connection.topic: connection.msgtype for connection in reader.connections}
-    clouds = sorted(name for name, kind in types.items() if kind == CLOUD)
+    clouds = sorted(name for name, kind in types.items() if kind in _DECODERS)
     if topic is not None:
         if topic not in clouds:
             raise RecordingError(f"{path}: no PointCloud2 on {topic}; choose from {', '.join(clouds) or 'none'}")

@@ -13,8 +13,6 @@ from cosim.recordings.libraries import needed
 from cosim.recordings.reading.source import Source
 from cosim.recordings.scan import RecordingError
 
-OUSTER_SUFFIXES = (".pcap", ".osf")
-
 
 def ouster_sources(path: Path) -> tuple[Source, ...]:
     """Scans of a capture, in order.
@@ -31,7 +29,8 @@ def ouster_sources(path: Path) -> tuple[Source, ...]:
     except Exception as error:  # noqa: BLE001 - the SDK raises whatever it meets
         reason = " ".join(str(error).split())[:160]
         raise RecordingError(
-            f"{path}: Ouster's SDK cannot read it ({reason}); its metadata file NAME.json must be in the same folder"
+            f"{path}: Ouster's SDK cannot read it ({reason}); its metadata file NAME.json must be in the same folder. "
+            "Packets of other sensors than Velodyne's are to be played through their driver, and its clouds recorded"
         ) from None
     if not stamps:
         raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")

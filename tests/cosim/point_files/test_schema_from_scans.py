@@ -163,6 +163,17 @@ def test_what_is_undetermined_is_reported(tmp_path):
     assert not any("left and right" in note for note in open_recording(tmp_path, flip_y=True).notes)
 
 
+def test_a_wall_close_by_is_no_ground(tmp_path):
+    """Of scans over a part of the turn, a wall beside the sensor is a layer all around its normal."""
+
+    def beside_a_wall(points: np.ndarray) -> np.ndarray:
+        way = points[:, :3] / np.linalg.norm(points[:, :3], axis=1)[:, None]
+        to_wall = way[:, 1] > 0.5
+        return np.column_stack([way * (2.6 / way[:, 1])[:, None], points[:, 3]])[to_wall]
+
+    assert len(recording(tmp_path, beside_a_wall)) == 6
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cosim.drives.twin.scene import scene_instances
 from cosim.recordings import RecordingError, Scan, open_recording
 from cosim.recordings.checks import check_survey, missing_scans, survey_scans
 from cosim.recordings.folder import name_numbers
@@ -16,7 +17,8 @@ from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.path_checks import check_path, check_sweep
 from cosim.recordings.mapping.sweep import SweepEstimate
 from sensors.pattern import Pattern, load_pattern
-from tests.cosim.recordings.simulated import scans
+from sensors.tracing import Tracer
+from tests.cosim.recordings.simulated import scans, yard
 
 ELEVATIONS = np.array(load_pattern("vlp16").elevation_deg)
 
@@ -28,6 +30,7 @@ class Held:
     scans: list[Scan]
     path: Path = Path("recording")
     stamp_s: None = None
+    poses: None = None
 
     def __iter__(self):
         return iter(self.scans)
@@ -37,6 +40,15 @@ class Held:
 
     def __getitem__(self, number: int) -> Scan:
         return self.scans[number]
+
+    def between(self, first: int, last: int) -> Held:
+        return Held(self.scans[first:last])
+
+    def without_poses(self) -> Held:
+        return self
+
+    def turns(self, sweep_s: float) -> np.ndarray:
+        return np.arange(len(self), dtype=float)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -156,3 +168,30 @@ def test_whether_points_are_compensated_needs_evidence() -> None:
     assert unknown.is_compensated == "cannot be determined"
     freed = SweepEstimate(0.0, -0.1, 0.1, np.array([0.0]), (0.9, 0.9, 0.9), {})
     assert freed.is_compensated == "yes" and freed.scale == 0
+
+
+def curve() -> tuple[Held, np.ndarray]:
+    """Scans along a curve to the left through the yard, and their poses (n, 4, 4)."""
+    pattern = thin(load_pattern("vlp16"))
+    rays = pattern.rays()
+    tracer, found, poses = Tracer(rays, pattern.range_m), [], np.tile(np.eye(4), (12, 1, 1))
+    for number, pose in enumerate(poses):
+        turn = number / 50
+        pose[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+        pose[:2, 3] = 50 * np.sin(turn), 50 - 50 * np.cos(turn)
+        reach = tracer.trace(yard(), pose, scene_instances(())).solid.range_m.astype(np.float64)
+        rows = reach < pattern.range_m[1]
+        found.append(Scan(f"{number:06d}", rays.direction[rows] * reach[rows, None]))
+    return Held(found), poses
+
+
+def test_given_poses_of_a_mirrored_path_are_refused() -> None:
+    """A mirrored curve differs little from scan to scan, and clearly over several scans."""
+    held, poses = curve()
+    given = Trajectory(poses, motions(poses, np.arange(12.0)), (), "made", np.arange(12.0), False)
+    assert check_path(held, given) == []  # type: ignore[arg-type]
+    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
+    mirrored = mirror @ poses @ mirror
+    wrong = Trajectory(mirrored, motions(mirrored, np.arange(12.0)), (), "made", np.arange(12.0), False)
+    with pytest.raises(RecordingError, match="mirrored"):
+        check_path(held, wrong)  # type: ignore[arg-type]

@@ -1,0 +1,122 @@
+"""Captures of UDP packets (`.pcap`): Velodyne's through velodyne-decoder, Ouster's through Ouster's SDK.
+
+Sensors are told apart by the first bytes of their data packets: Velodyne VLP-16 user manual (63-9243), section 9.3;
+Hesai Pandar and XT user manuals, section "Point cloud data packet"; RoboSense rslidar_sdk, MSOP packets.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from cosim.point_files import Columns
+from cosim.recordings.libraries import needed
+from cosim.recordings.reading.ouster import ouster_sources
+from cosim.recordings.reading.source import Source
+from cosim.recordings.scan import RecordingError
+
+PACKET_SUFFIXES = (".pcap", ".pcapng", ".osf")
+_PACKETS = 500  # that are looked at to find the vendor
+_VELODYNE_BYTES = 1206
+_VELODYNE, _HESAI_40 = b"\xff\xee", (1262, 1266)  # the first block's flag, also of Hesai's Pandar40 with longer packets
+_HESAI, _ROBOSENSE = b"\xee\xff", (b"\x55\xaa\x05\x0a", b"\x55\xaa\x05\x5a", b"\x55\xaa\x5a\xa5")
+_CONVERTERS = {
+    "Hesai": "Hesai's driver (HesaiTechnology/HesaiLidar_ROS_2.0) or tier4/nebula, and record its PointCloud2",
+    "RoboSense": "RoboSense's driver (RoboSense-LiDAR/rslidar_sdk), and record its PointCloud2",
+}
+
+
+def packet_sources(path: Path) -> tuple[Source, ...]:
+    """Scans of a capture, in order.
+
+    Raises:
+        RecordingError: packets of a sensor for which there is no reader, or a damaged capture.
+    """
+    if path.suffix.lower() == ".osf":
+        return ouster_sources(path)
+    vendor = _vendor(path)
+    if vendor in _CONVERTERS:
+        raise RecordingError(
+            f"{path}: packets of a {vendor} sensor, which cannot be read here; play them through {_CONVERTERS[vendor]}"
+        )
+    return _velodyne_sources(path) if vendor == "Velodyne" else ouster_sources(path)
+
+
+def _vendor(path: Path) -> str | None:
+    """Whose data packets most of the first packets are; None if unknown, as Ouster's, which have no common flag."""
+    dpkt = needed("dpkt", f"{path.name} (packets)")
+    try:
+        with path.open("rb") as file:
+            found = Counter(map(_vendor_of, islice(_payloads(dpkt, file), _PACKETS)))
+    except (ValueError, dpkt.dpkt.Error) as error:
+        raise RecordingError(f"{path}: not a readable capture ({error}); record or copy it again") from None
+    if not found:
+        raise RecordingError(f"{path}: no UDP packets in it; record the sensor's data port")
+    del found[None]
+    return found.most_common(1)[0][0] if found else None
+
+
+def _payloads(dpkt: Any, file: Any) -> Iterator[bytes]:
+    """Contents of the UDP packets of a capture."""
+    for _, frame in dpkt.pcap.UniversalReader(file):
+        try:
+            layer = dpkt.ethernet.Ethernet(frame)
+        except dpkt.dpkt.UnpackError:
+            continue
+        while hasattr(layer, "data") and not isinstance(layer, dpkt.udp.UDP):
+            layer = layer.data
+        if isinstance(layer, dpkt.udp.UDP):
+            yield bytes(layer.data)
+
+
+def _vendor_of(payload: bytes) -> str | None:
+    if payload[:2] == _HESAI or (payload[:2] == _VELODYNE and len(payload) in _HESAI_40):
+        return "Hesai"
+    if payload[:2] == _VELODYNE and len(payload) == _VELODYNE_BYTES:
+        return "Velodyne"
+    return "RoboSense" if payload[:4] in _ROBOSENSE else None
+
+
+def _velodyne_sources(path: Path) -> tuple[Source, ...]:
+    decoder = needed("velodyne_decoder", f"{path.name} (Velodyne)")
+    try:
+        stamps = [float(stamp.host) for stamp, _ in decoder.read_pcap(str(path), as_pcl_structs=True)]
+    except Exception as error:  # noqa: BLE001 - the decoder raises whatever it meets
+        reason = " ".join(str(error).split())[:200]
+        raise RecordingError(
+            f"{path}: velodyne-decoder cannot read it ({reason}); copy it again, save it as .pcap (editcap -F pcap), "
+            "or play it through Velodyne's driver and record its PointCloud2"
+        ) from None
+    if not stamps:
+        raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")
+    capture = _VelodyneCapture(path)
+    return tuple(
+        Source(f"{number:06d}", partial(capture.columns, number), stamp) for number, stamp in enumerate(stamps)
+    )
+
+
+class _VelodyneCapture:
+    """Reads scans by number, going forward."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._scans: Any = None
+        self._next = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"_path": self._path, "_scans": None, "_next": 0}
+
+    def columns(self, number: int) -> Columns:
+        """The columns of one scan."""
+        if self._scans is None or number < self._next:
+            decoder = needed("velodyne_decoder", f"{self._path.name} (Velodyne)")
+            self._scans, self._next = decoder.read_pcap(str(self._path), as_pcl_structs=True), 0
+        for _, points in self._scans:
+            self._next += 1
+            if self._next > number:
+                return {name: points[name] for name in points.dtype.names}
+        raise RecordingError(f"{self._path}: ends before scan {number}")
