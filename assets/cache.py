@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from assets.serialization import dumps, loads
+from assets.serialization import content_digest, dumps, loads
 
 FOLDER = "COSIM_CACHE"
 """Name of the environment variable with the folder of stored results; empty: nothing is stored."""
@@ -33,7 +33,7 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
     results of other code are never read. Where the folder cannot be written, every result is computed.
 
     Args:
-        function: depends only on its arguments; its results are of types that `assets.serialization` allows.
+        function: depends only on its arguments; they and its results are of types that `assets.serialization` allows.
     """
     return _cached(function, None, frozenset())
 
@@ -58,10 +58,8 @@ def _cached(
         folder = _folder(function.__module__.partition(".")[0], os.environ.get(FOLDER))
         if folder is None:
             return function(*arguments, **named)
-        from joblib import hash as content_hash
-
         key = arguments, {name: value for name, value in named.items() if name not in ignore}
-        path = folder / f"{function.__name__}-{content_hash(key, hash_name='sha1')}.npz"
+        path = folder / f"{function.__name__}-{content_digest(key)}.npz"
         try:
             result = loads(path.read_bytes())
             if most is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class Mesh:
         """Corner positions, (m, 3, 3) float32."""
         return self.vertices[self.faces]
 
-    @property
+    @cached_property
     def normals(self) -> np.ndarray:
         """Unit face normals, (m, 3) float32; zero for a degenerate face."""
         corners = self.vertices.T.astype(np.float64)

@@ -7,6 +7,7 @@ triangulations and dataclasses of this project.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import math
@@ -17,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from scipy.spatial import Delaunay
 
 _PACKAGES = ("assets", "sumo_nets", "sensors", "tests")
 _DAMAGED = (
@@ -40,6 +40,20 @@ def dumps(value: Any) -> bytes:
     buffer = io.BytesIO()
     np.savez(buffer, tree=text, data=np.frombuffer(b"".join(writer.chunks), np.uint8))
     return buffer.getvalue()
+
+
+def content_digest(value: Any) -> str:
+    """SHA-1 of a value's content as hexadecimal digits: equal values, built in the same way, have the same digest.
+
+    Raises:
+        TypeError: a part is of a type that is not allowed.
+    """
+    writer = _Writer()
+    tree = writer.encode(value)
+    digest = hashlib.sha1(json.dumps([writer.nodes, tree]).encode(), usedforsecurity=False)
+    for chunk in writer.chunks:
+        digest.update(chunk)
+    return digest.hexdigest()
 
 
 def loads(data: bytes) -> Any:
@@ -85,9 +99,6 @@ class _Writer:
         if isinstance(value, shapely.Geometry):
             data = shapely.to_wkb(value, include_srid=True)
             return {"wkb": self._stored(data), "size": len(data)}
-        if kind is Delaunay:
-            parts = {**vars(value), "_qhull": None}  # a handle of the library, closed after the triangulation
-            return {"delaunay": {name: self.encode(part) for name, part in parts.items()}}
         if kind.__name__ in _SEQUENCES and kind is _SEQUENCES[kind.__name__]:
             return {kind.__name__: [self.encode(part) for part in value]}
         if kind is dict:
@@ -95,6 +106,11 @@ class _Writer:
         if is_dataclass(value) and kind.__module__.partition(".")[0] in _PACKAGES:
             parts = {field.name: self.encode(getattr(value, field.name)) for field in fields(value)}
             return {"class": f"{kind.__module__}:{kind.__qualname__}", "fields": parts}
+        from scipy.spatial import Delaunay
+
+        if kind is Delaunay:
+            parts = {**vars(value), "_qhull": None}  # a handle of the library, closed after the triangulation
+            return {"delaunay": {name: self.encode(part) for name, part in parts.items()}}
         raise TypeError(f"{kind.__module__}.{kind.__qualname__} cannot be stored")
 
     def _stored(self, data: bytes) -> int:
@@ -126,6 +142,8 @@ class _Reader:
         if "wkb" in node:
             return shapely.from_wkb(self._data[node["wkb"] : node["wkb"] + node["size"]].tobytes())
         if "delaunay" in node:
+            from scipy.spatial import Delaunay
+
             return _filled(Delaunay, {name: self.decode(part) for name, part in node["delaunay"].items()})
         if "dict" in node:
             return {self.decode(key): self.decode(part) for key, part in node["dict"]}

@@ -31,8 +31,8 @@ _RAYS = (
 )
 _DRAWING = (
     "from sensors.cameras.backend import select_backend; select_backend({backend!r});"
-    "import sensors.cameras.windowless, pyrender; from OpenGL import GL;"
-    "renderer = pyrender.OffscreenRenderer(8, 8); renderer._platform.make_current();"
+    "from sensors.cameras.context import open_context; from OpenGL import GL;"
+    "context = open_context(8, 8);"
     "print(GL.glGetString(GL.GL_VERSION).decode())"
 )
 _GPU = "import torch; assert torch.cuda.is_available(); print(torch.cuda.get_device_name(0))"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
-from scipy.spatial.transform import Rotation
 
 # Within this box about the ego origin there is bodywork of any car, whatever its size [m].
 _BODY_LOW, _BODY_HIGH = (-1.6, -0.75, 0.3), (1.6, 0.75, 1.35)
@@ -32,6 +31,8 @@ class Place(BaseModel):
     @property
     def pose(self) -> np.ndarray:
         """The carrier's axes from the sensor's own, x forward, y left, z up, (4, 4)."""
+        from scipy.spatial.transform import Rotation
+
         matrix = np.eye(4)
         turns = (self.yaw_deg, self.pitch_deg, self.roll_deg)
         matrix[:3, :3] = Rotation.from_euler("ZYX", turns, degrees=True).as_matrix()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from sumo_nets.errors import TownError
 
@@ -33,6 +31,9 @@ def demand_connected(name: str, network: Any) -> None:
 
 def _pieces(edges: list[Any]) -> np.ndarray:
     """Return the strongly connected component of every edge, by lane connections a car may use."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
     number = {edge.getID(): i for i, edge in enumerate(edges)}
     ways = [
         (number[edge.getID()], number[target.getID()])

@@ -58,16 +58,17 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     type_names = types.driving(demand.kinds, demand.driving, rng)
     everywhere = {edge.getID(): _ways_on(edge) for edge in streets}
     slow = _open_to_bicycles(everywhere, streets)
-    taken = {edge.getID(): 0 for edge in streets}
+    taken = dict.fromkeys(everywhere, 0)
     width = {edge.getID(): float(np.sqrt(_capacity(edge))) for edge in streets}
-    starts = [streets[i] for i in rng.permutation(len(streets))]
-    slow_starts = [edge for edge in starts if edge.getID() in slow] or starts
+    length_m = {edge.getID(): edge.getLength() for edge in streets}
+    starts = [streets[i].getID() for i in rng.permutation(len(streets))]
+    slow_starts = [name for name in starts if name in slow] or starts
     lines = []
     for number in range(demand.driving):
         cycles = types.is_bicycle(type_names[number])
         onward, begin = (slow, slow_starts) if cycles else (everywhere, starts)
         pace = _CYCLING_PACE_MPS if cycles else _DRIVING_PACE_MPS
-        route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, width, rng)
+        route = _wander(begin[number % len(begin)], onward, taken, demand.duration_s * pace, width, length_m, rng)
         depart = _FIRST_S + demand.fill_s * number / demand.driving
         lines += [
             f'    <vehicle id="veh{number}" type="{type_names[number]}" depart="{depart:.1f}" departLane="best" '
@@ -78,22 +79,22 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     return lines
 
 
-def _ways_on(edge: Any) -> list[Any]:
+def _ways_on(edge: Any) -> list[str]:
     """Return the edges a car can reach from this one; back the way it came only from a dead end."""
     ways = {
         target.getID(): target
         for target, links in edge.getOutgoing().items()
         if any(link.getFromLane().allows("passenger") and link.getToLane().allows("passenger") for link in links)
     }
-    onward = [way for _, way in sorted(ways.items()) if way.getToNode() is not edge.getFromNode()]
-    return onward or [way for _, way in sorted(ways.items())]
+    onward = [name for name, way in sorted(ways.items()) if way.getToNode() is not edge.getFromNode()]
+    return onward or sorted(ways)
 
 
-def _open_to_bicycles(onward: dict[str, list[Any]], streets: list[Any]) -> dict[str, list[Any]]:
+def _open_to_bicycles(onward: dict[str, list[str]], streets: list[Any]) -> dict[str, list[str]]:
     """Return the ways on for bicycles: streets open to them from which they never run out of such streets."""
     open_ = {edge.getID() for edge in streets if edge.allows("bicycle")}
     while True:
-        ways = {name: [way for way in onward[name] if way.getID() in open_] for name in sorted(open_)}
+        ways = {name: [way for way in onward[name] if way in open_] for name in sorted(open_)}
         stuck = {name for name, subset in ways.items() if not subset}
         if not stuck:
             return ways
@@ -101,21 +102,22 @@ def _open_to_bicycles(onward: dict[str, list[Any]], streets: list[Any]) -> dict[
 
 
 def _wander(
-    start: Any,
-    onward: dict[str, list[Any]],
+    start: str,
+    onward: dict[str, list[str]],
     taken: dict[str, int],
-    length_m: float,
+    total_m: float,
     width: dict[str, float],
+    length_m: dict[str, float],
     rng: np.random.Generator,
 ) -> list[str]:
-    edge, route, driven = start, [start.getID()], 0.0
-    while driven < length_m and onward[edge.getID()]:
-        choices = onward[edge.getID()]
-        appeal = list(accumulate(width[way.getID()] / (5.0 + taken[way.getID()]) for way in choices))
-        edge = choices[min(bisect_right(appeal, rng.random() * appeal[-1]), len(choices) - 1)]
-        taken[edge.getID()] += 1
-        route.append(edge.getID())
-        driven += edge.getLength()
+    """Return the names of the edges of a random route of a given total length."""
+    route, driven_m = [start], 0.0
+    while driven_m < total_m and (choices := onward[route[-1]]):
+        appeal = list(accumulate([width[way] / (5.0 + taken[way]) for way in choices]))
+        way = choices[min(bisect_right(appeal, rng.random() * appeal[-1]), len(choices) - 1)]
+        taken[way] += 1
+        route.append(way)
+        driven_m += length_m[way]
     return route
 
 

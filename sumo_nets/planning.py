@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
 
 from sumo_nets.corners import ease_corners
 from sumo_nets.netgenerate import lay_out
@@ -15,6 +14,9 @@ from sumo_nets.plan import Plan, Street, road_of
 from sumo_nets.recipe import Recipe, RingRoadLayout, StreetRules
 from sumo_nets.ring_road import ring_road
 from sumo_nets.roundabouts import add_roundabouts
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 _SHAPE_STEP_M = 10.0
 _SHORTEST_PARKING_STREET_M = 55.0
@@ -45,6 +47,8 @@ def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
 
 
 def _graph(plan: Plan, streets: list[Street] | tuple[Street, ...]) -> csr_matrix:
+    from scipy.sparse import csr_matrix
+
     n = len(plan.names)
     a, b = np.array([(s.start, s.end) for s in streets]).T
     length = np.linalg.norm(plan.positions[a] - plan.positions[b], axis=1)
@@ -53,6 +57,8 @@ def _graph(plan: Plan, streets: list[Street] | tuple[Street, ...]) -> csr_matrix
 
 def _mark_main(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
     """Make the shortest ways across the town, in evenly spread directions, its main streets."""
+    from scipy.sparse.csgraph import dijkstra
+
     main: set[tuple[int, int]] = set()
     graph = _graph(plan, plan.streets)
     first = rng.uniform(-0.2, 0.2)
@@ -69,6 +75,8 @@ def _mark_main(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan
 
 def _drop_streets(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Plan:
     """Leave out local streets without disconnecting the town or making dead ends."""
+    from scipy.sparse.csgraph import connected_components
+
     kept = list(plan.streets)
     arms = plan.arms()
     to_drop = round(rules.dropped * len(kept))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from assets.cache import cached_latest
 from assets.streets import Streets
 from sumo_nets.errors import TownError
 from sumo_nets.lanelets import read_lanelets
@@ -105,7 +107,8 @@ def read_town(name_or_path: str | Path) -> Town:
         folder = built_in_folder(name)
         net, additional = folder / f"{name}.net.xml", (folder / f"{name}.add.xml",)
         style = RECIPES[name].style
-        streets = read_streets(name, net, additional, style)
+        contents = tuple(hashlib.sha256(path.read_bytes()).hexdigest() for path in (net, *additional))
+        streets = _read_built_in(name, contents, style, net=net, additional=additional)
         return Town(name, folder, folder / f"{name}.sumocfg", net, additional, style, streets)
     path = Path(name_or_path)
     if path.is_file() and path.name.removesuffix(".gz").endswith(".xml"):
@@ -123,6 +126,14 @@ def read_town(name_or_path: str | Path) -> Town:
             f"{net}: has no lane for road vehicles, so nothing can carry the sensors; give one with streets"
         )
     return Town(config.stem, config.parent, config, net, additional, _OWN_STYLE, streets, scenario, notes)
+
+
+@cached_latest(len(TOWNS), ignore=("net", "additional"))
+def _read_built_in(
+    name: str, contents: tuple[str, ...], style: str, *, net: Path, additional: tuple[Path, ...]
+) -> Streets:
+    """Streets of a built-in town, or what an earlier process read of files with these contents (SHA-256)."""
+    return read_streets(name, net, additional, style)
 
 
 def _read_streets_only(path: Path) -> Town:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from scipy.ndimage import minimum_filter
 from scipy.spatial import Delaunay, KDTree
 from shapely import Geometry
 
@@ -132,6 +131,8 @@ def decks_mesh(decks: tuple[Deck, ...], ground: Heights, below: Geometry) -> tup
 
 def _passing_over(samples: _Samples) -> np.ndarray:
     """(n,) bool samples that lie above another lane."""
+    from scipy.ndimage import minimum_filter
+
     z = samples.point[:, 2]
     over = np.zeros(len(z), bool)
     if np.ptp(z) < _CLEARANCE_M:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from assets.streets import Streets
@@ -32,6 +31,8 @@ class HeightField:
 
     def __call__(self, xy: np.ndarray) -> np.ndarray:
         """Heights (n,) float64 in metres at world points `xy` (n, 2); beyond the edge the edge's height."""
+        from scipy.ndimage import map_coordinates
+
         uv = (np.asarray(xy, np.float64).reshape(-1, 2) - self.origin_m) / self.spacing_m
         return map_coordinates(self.control, uv.T, order=3, mode="nearest", prefilter=False)
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, KDTree
+
+if TYPE_CHECKING:
+    from scipy.interpolate import LinearNDInterpolator
 
 _WITHIN_M = 1e-6
 
@@ -26,6 +29,8 @@ class Sheet:
 
     @cached_property
     def _between(self) -> LinearNDInterpolator:
+        from scipy.interpolate import LinearNDInterpolator
+
         return LinearNDInterpolator(self.triangles, self.z)
 
     def __call__(self, xy: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from assets.materials import material_index
 from assets.world.ground import TERRAIN, SurfacePlan
@@ -25,6 +24,8 @@ def terrain_materials(
         town_low, town_high: (2,) corners around all streets, world metres.
         rng: source of the patches.
     """
+    from scipy.ndimage import map_coordinates
+
     centre = plan.points[plan.faces[plan.zone == TERRAIN]].mean(1)
     low, high = plan.points.min(0), plan.points.max(0)
     cells = np.ceil((high - low) / _PATCH_M).astype(int) + 4

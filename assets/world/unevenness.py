@@ -10,7 +10,6 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 from scipy.spatial import KDTree
 
 from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, SurfacePlan, zone_borders
@@ -48,6 +47,8 @@ def _inner_zone(plan: SurfacePlan) -> np.ndarray:
 
 def _octave(points: np.ndarray, spacing_m: float, rng: np.random.Generator) -> np.ndarray:
     """A random B-spline of unit deviation on average, at points (n, 2)."""
+    from scipy.ndimage import map_coordinates
+
     low = points.min(0)
     control = rng.standard_normal(tuple(np.ceil((points.max(0) - low) / spacing_m).astype(int) + 4))
     middle, beside = _SPLINE

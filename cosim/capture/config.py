@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from assets.documents import DocumentError, parse_yaml
-from assets.world import EnvironmentConfig
+from assets.world.environment import EnvironmentConfig
 from cosim.capture.collection import Collection
 from cosim.capture.mounts import Mounts
 from cosim.capture.navigation import Navigation

@@ -11,7 +11,7 @@ import numpy as np
 from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.shapes import box
-from assets.world import SignalHead
+from assets.world.props import SignalHead
 from assets.world.signs import lens
 from sensors.cameras import Images
 from sensors.scene import Instances

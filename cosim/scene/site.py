@@ -12,7 +12,10 @@ import numpy as np
 from assets import Mesh
 from assets.cache import cached_latest
 from assets.streets import Streets
-from assets.world import BuiltWorld, Environment, Groundwork, SignalHead, build_world, lay_groundwork
+from assets.world.build import BuiltWorld, build_world
+from assets.world.environment import Environment
+from assets.world.groundwork import Groundwork, lay_groundwork
+from assets.world.props import SignalHead
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from assets.mesh import Mesh
 
@@ -47,6 +45,9 @@ def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _pieces(edge: np.ndarray) -> np.ndarray:
     """Number of the piece of each face, (m,)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     n_faces = len(edge)
     face = np.repeat(np.arange(n_faces), 3)
     rows, columns = face, n_faces + edge.ravel()

@@ -1,4 +1,4 @@
-"""Pyrender's offscreen context with a working shader cache. Imports OpenGL: import it only to draw."""
+"""OpenGL contexts without a window, and shader programs. Imports OpenGL: import it only to draw."""
 
 from __future__ import annotations
 
@@ -11,19 +11,17 @@ import numpy as np
 from OpenGL import GL
 from OpenGL.error import GLError
 
-from sensors.cameras import windowless  # noqa: F401 — before pyrender
 from sensors.cameras.errors import CameraError
-
-from pyrender import OffscreenRenderer, Renderer  # isort: skip
-from pyrender.shader_program import ShaderProgram, ShaderProgramCache  # isort: skip
+from sensors.cameras.pyrender_parts import import_part
 
 SHADER_DIR = Path(__file__).parent / "shaders"
+_SHADERS: Any = import_part("shader_program")
 
 
 class Program:
     """A linked shader program that remembers the locations and values of its uniforms, so that none is set twice."""
 
-    def __init__(self, linked: ShaderProgram) -> None:
+    def __init__(self, linked: Any) -> None:
         self._linked = linked
         self._places: dict[str, int] = {}
         self._values: dict[str, bytes] = {}
@@ -43,6 +41,10 @@ class Program:
                 self._places[name] = GL.glGetUniformLocation(self._linked._program_id, name)
             _SETTERS[array.shape](self._places[name], array)
 
+    def delete(self) -> None:
+        """Free the program."""
+        self._linked.delete()
+
 
 _SETTERS: dict[tuple[int, ...], Callable[[int, np.ndarray], None]] = {
     (): lambda place, value: GL.glUniform1f(place, float(value)),
@@ -50,46 +52,6 @@ _SETTERS: dict[tuple[int, ...], Callable[[int, np.ndarray], None]] = {
     (3, 3): lambda place, value: GL.glUniformMatrix3fv(place, 1, GL.GL_TRUE, value),
     (4, 4): lambda place, value: GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, value),
 }
-
-
-class SteadyProgramCache(ShaderProgramCache):
-    """Programs compiled once.
-
-    Pyrender's key holds the context's address wrapped in a fresh object, which never compares equal on
-    OSMesa: every draw would compile and keep another program. A context has its own cache, so the key
-    needs no context at all.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(shader_dir=str(SHADER_DIR))
-
-    def __len__(self) -> int:
-        return len(self._program_cache)
-
-    def get_program(
-        self,
-        vertex_shader: str,
-        fragment_shader: str,
-        geometry_shader: str | None = None,
-        defines: dict[str, int] | None = None,
-    ) -> ShaderProgram:
-        """The linked program of two or three shader files in `shaders/`."""
-        key = (vertex_shader, fragment_shader, geometry_shader, *sorted((defines or {}).items()))
-        if key not in self._program_cache:
-            files = [str(SHADER_DIR / name) for name in (vertex_shader, fragment_shader)]
-            third = str(SHADER_DIR / geometry_shader) if geometry_shader else None
-            program = ShaderProgram(*files, geometry_shader=third, defines=defines)
-            program._add_to_context()
-            self._program_cache[key] = program
-        return self._program_cache[key]
-
-
-class _Programs(Renderer):
-    """Pyrender's renderer reduced to the owner of the programs."""
-
-    def __init__(self, width: int, height: int) -> None:
-        super().__init__(width, height)
-        self._program_cache = SteadyProgramCache()
 
 
 def open_context(width: int, height: int) -> OffscreenContext:
@@ -107,30 +69,51 @@ def open_context(width: int, height: int) -> OffscreenContext:
         ) from error
 
 
-class OffscreenContext(OffscreenRenderer):
+class OffscreenContext:
     """An OpenGL context without a window; frame buffers and meshes in it die with it.
 
+    Args:
+        width, height: size of its own buffer [px].
+
     Attributes:
-        programs: the context's shader programs.
+        programs: the context's shader programs by the names of their files and their definitions.
     """
 
-    programs: SteadyProgramCache
+    def __init__(self, width: int, height: int) -> None:
+        self._platform = _platform(width, height)
+        self._platform.init_context()
+        self._platform.make_current()
+        self.programs: dict[tuple, Program] = {}
 
     def program(self, vertex_shader: str, fragment_shader: str, **defines: int) -> Program:
-        """The program of two shader files, linked on first use."""
+        """The program of two files in `shaders/`, linked on first use."""
         key = (vertex_shader, fragment_shader, *sorted(defines.items()))
-        if key not in self._own:
-            self._own[key] = Program(self.programs.get_program(vertex_shader, fragment_shader, defines=defines))
-        return self._own[key]
+        if key not in self.programs:
+            files = [str(SHADER_DIR / name) for name in (vertex_shader, fragment_shader)]
+            linked = _SHADERS.ShaderProgram(*files, defines=defines)
+            linked._add_to_context()
+            self.programs[key] = Program(linked)
+        return self.programs[key]
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to this context."""
-        platform: Any = self._platform
-        platform.make_current()
+        self._platform.make_current()
 
-    def _create(self) -> None:
-        super()._create()
-        self._own: dict[tuple, Program] = {}
-        renderer = _Programs(self.viewport_width, self.viewport_height)
-        self._renderer = renderer
-        self.programs = renderer._program_cache
+    def delete(self) -> None:
+        """Free the context and all it holds; a second call does nothing."""
+        if self._platform is not None:
+            self._platform.make_current()
+            for program in self.programs.values():
+                program.delete()
+            self.programs.clear()
+            self._platform.delete_context()
+            self._platform = None
+
+
+def _platform(width: int, height: int) -> Any:
+    """Pyrender's access to the selected backend's contexts."""
+    if os.environ.get("PYOPENGL_PLATFORM") == "egl":
+        egl = import_part("platforms.egl")
+        device = egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
+        return egl.EGLPlatform(width, height, device=device)
+    return import_part("platforms.osmesa").OSMesaPlatform(width, height)

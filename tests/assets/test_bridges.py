@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from assets.streets import StreetLane, Streets
-from assets.world import build_world
 from assets.world.bridges import split_levels
+from assets.world.build import build_world
 from assets.world.groundwork import lay_groundwork
 from sensors.bvh import Bvh
 

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from assets.world import PROP_KINDS, Environment, EnvironmentConfig, PropDensities, build_world
+from assets.world.build import build_world
+from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
 from assets.world.furnishing import _PROPS, furnish
 from assets.world.kerbside import kerbside
 from assets.world.obstacles import Obstacles

@@ -8,7 +8,7 @@ import shapely
 
 from assets.materials import MATERIAL_NAMES
 from assets.streets import StreetBuilding, StreetLane, Streets
-from assets.world import build_world
+from assets.world.build import build_world
 from sensors.bvh import Bvh
 from sumo_nets.errors import TownError
 from sumo_nets.scenery import read_scenery

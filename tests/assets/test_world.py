@@ -10,7 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import MATERIAL_NAMES, material_index
-from assets.world import build_world
+from assets.world.build import build_world
 from assets.world.buildings import buildings_mesh
 from assets.world.ground import CARRIAGEWAY, PAVEMENT, triangulate
 from assets.world.houses import design

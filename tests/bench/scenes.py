@@ -10,7 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from assets import Mesh, build_model
-from assets.world import build_world
+from assets.world.build import build_world
 from cosim.scene.bridge import Bridge
 from cosim.scene.ground import Ground
 from cosim.traffic.ego import draw_ego

@@ -268,8 +268,7 @@ def _state(instance: Instance) -> bytes:
     return b"".join([one.pose.tobytes(), one.velocity_mps.tobytes(), one.scale.tobytes(), numbers, looks])
 
 
-def _dumps(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+_dumps = json.JSONEncoder(separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode
 
 
 def _instances_json(instances: Sequence[Instance]) -> list[dict[str, Any]]:

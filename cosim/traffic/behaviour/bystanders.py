@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class _Person:
     def name(self) -> str:
         return f"by_{self.car}"
 
-    @property
+    @cached_property
     def corner_m(self) -> float:
         """Where the way reaches the street, less half a body."""
         return float(self.stations[_STREET] - np.linalg.norm(self.way[3] - self.way[2]) - self.size[1] / 2)
@@ -76,11 +77,16 @@ class _Person:
 
     def place(self, at_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (2,) and direction (2,) of the way at a distance along it."""
-        pieces = np.diff(self.way, axis=0)
-        length = np.linalg.norm(pieces, axis=1)
-        along = np.concatenate([[0.0], np.cumsum(length)])
+        pieces, length, along = self._pieces
         k = min(int(np.searchsorted(along, at_m, side="right")) - 1, len(pieces) - 1)
         return self.way[k] + pieces[k] * (at_m - along[k]) / length[k], pieces[k] / length[k]
+
+    @cached_property
+    def _pieces(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pieces of the way (3, 2), their lengths (3,), and stations of its corners (4,) [m]."""
+        pieces = np.diff(self.way, axis=0)
+        length = np.linalg.norm(pieces, axis=1)
+        return pieces, length, np.concatenate([[0.0], np.cumsum(length)])
 
 
 class Bystanders:

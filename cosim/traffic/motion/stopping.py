@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.traffic.headings import unit_vectors
+
 BRAKES_MPS2 = 8.0  # on a dry road
 _STANDS_MPS = 1e-3
 
@@ -53,7 +55,7 @@ def steps_to_rest(speed_mps: np.ndarray, step_s: float) -> np.ndarray:
 def travel(
     front: np.ndarray, heading_rad: np.ndarray, curvature_per_m: np.ndarray, way_m: np.ndarray, rear_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Front bumpers (…, 2) and headings (…) after ways of the rear axles along arcs; any one shape of arguments."""
+    """Front bumpers (…, 2) and headings (…) after ways of the rear axles along arcs; shapes broadcast to `way_m`."""
     turned = curvature_per_m * way_m
     chord = way_m * np.sinc(turned / (2 * np.pi))
     middle, after = heading_rad + turned / 2, heading_rad + turned
@@ -95,16 +97,15 @@ def stops(
     """
     last = steps_to_rest(speed, step_s)
     time = step_s * np.arange(max(int(last.max(initial=0)) + 1, poses))
-    forward = np.stack([np.cos(heading), np.sin(heading)], -1)
-    centre = np.repeat((front - length_m[:, None] / 2 * forward)[:, None], len(time), axis=1)
-    turned = np.repeat(heading[:, None], len(time), axis=1)
+    centre, turned = np.empty((len(front), len(time), 2)), np.empty((len(front), len(time)))
+    centre[:] = (front - length_m[:, None] / 2 * unit_vectors(heading))[:, None]
+    turned[:] = heading[:, None]
     rolls = np.flatnonzero(last)
     fast = np.abs(speed[rolls])[:, None]
     until = np.minimum(time, fast / BRAKES_MPS2)
     way = np.sign(speed[rolls])[:, None] * (fast * until - 0.5 * BRAKES_MPS2 * until**2)
     tip, turned[rolls] = travel(
-        front[rolls, None], heading[rolls, None] + 0 * way, curvature[rolls, None], way, rear_m[rolls, None]
+        front[rolls, None], heading[rolls, None], curvature[rolls, None], way, rear_m[rolls, None]
     )
-    ahead = np.stack([np.cos(turned[rolls]), np.sin(turned[rolls])], -1)
-    centre[rolls] = tip - length_m[rolls, None, None] / 2 * ahead
+    centre[rolls] = tip - length_m[rolls, None, None] / 2 * unit_vectors(turned[rolls])
     return Stops(centre, turned, last)

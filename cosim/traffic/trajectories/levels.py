@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from assets.streets import Streets
 from cosim.traffic.headings import unit_vectors
 from cosim.traffic.trajectories.tracks import RoadTracks
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 _STEP_M = 4.0
 _BESIDE_M = 4.0  # lanes that may carry a road user
@@ -47,6 +50,8 @@ class LanePoints:
     @classmethod
     def of(cls, streets: Streets) -> LanePoints:
         """Points of a network."""
+        from scipy.spatial import KDTree
+
         dense = [_dense(lane.centre) for lane in streets.lanes]
         ways = [np.gradient(points[:, :2], axis=0) for points in dense]
         for way, lane in zip(ways, streets.lanes, strict=True):
@@ -129,6 +134,8 @@ def _common_offset(above: np.ndarray) -> float:
 
 def _passes_itself(points: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Where (n,) a line passes above itself, so that a place does not show its height."""
+    from scipy.spatial import KDTree
+
     near = KDTree(points[:, :2]).query_ball_point(positions, _BESIDE_M)
     return np.array([len(rows) > 1 and np.ptp(points[rows, 2]) > _APART_M for rows in near], bool)
 

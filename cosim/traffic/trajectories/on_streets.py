@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from assets.streets import Streets
 from cosim.traffic.trajectories.levels import LanePoints, heights_of
 from cosim.traffic.trajectories.table_options import AXES
 from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 _BESIDE_M, _FEWEST_SHARE = 30.0, 0.5
 _MOVED_M, _NEXT_S, _FEWEST_WAYS = 0.1, 1.5, 10

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from assets import CATALOGUE, Mesh, build_model
-from assets.world import lay_groundwork
+from assets.world.groundwork import lay_groundwork
 from cosim.scene.bridge import Bridge, models_of_size
 from cosim.scene.ground import Ground
 from tests.assets.small_town import small_town

@@ -9,7 +9,7 @@ import pytest
 
 from assets import CATALOGUE, Mesh, build_model
 from assets.materials import MATERIAL_NAMES
-from assets.world import SignalHead
+from assets.world.props import SignalHead
 from assets.world.signs import signal_head
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals, without_signals
 from cosim.traffic.signals import SignalStates
@@ -133,7 +133,7 @@ def test_red_and_amber_and_flashing_amber():
 
 
 def test_heads_of_a_town_belong_to_lanes_that_sumo_signals(tmp_path: Path):
-    from assets.world import build_world
+    from assets.world.build import build_world
 
     town = read_town("town03")
     heads = build_world(town.streets, seed=1).signals

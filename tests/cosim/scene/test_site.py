@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.world import Environment
+from assets.world.environment import Environment
 from cosim.scene.site import Land
 from sumo_nets import Town, read_town
 from sumo_nets.local_origin import move_file

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from assets.streets import StreetBuilding, StreetLane, Streets
-from assets.world import build_world
+from assets.world.build import build_world
 from cosim.capture.config import load_config
 from cosim.capture.episode import run_episode
 from cosim.capture.plan import plan_episodes
