@@ -50,7 +50,8 @@ def remaining(evidence: SelectionEvidence, model: FittedModel, settings: Setting
     """
     found = []
     for result in evidence.significant(settings):
-        if result.gain < needed_gain(result.group, model, settings) or is_explained(result.group, model):
+        is_needed = result.gain >= needed_gain(result.group, model, settings)  # false for NaN
+        if not is_needed or is_explained(result.group, model):
             continue
         group = result.group
         name = group.effect_name

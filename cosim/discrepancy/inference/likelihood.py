@@ -139,12 +139,14 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, constants.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
     # Near edges returns from fog etc. are confounded with unknown surfaces: condition on the absence of such returns.
-    untouched = np.where(sample.edge, np.maximum(expected.seen + expected.silent, constants.lost_share), 1.0)
+    # Where the model makes them certain, returns and losses of the surface are equally likely.
+    silent = np.maximum(expected.silent, constants.lost_share)
+    untouched = np.where(sample.edge, np.maximum(expected.seen, constants.lost_share) + silent, 1.0)
     elsewhere = constants.least_spurious_share / constants.reach_m + np.where(
         sample.edge, expected.split, expected.spurious_per_m
     )
     density = surface + elsewhere
-    outcome = kept * np.where(returned, density, np.maximum(expected.silent, constants.lost_share)) / untouched
+    outcome = kept * np.where(returned, density, silent) / untouched
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)

@@ -71,7 +71,7 @@ def random_effect_gain(
         for number in range(folds):
             held, rest = fold == number, fold != number
             count = int(rest.sum())
-            if not held.any() or count < _FEWEST_RANDOM:
+            if not held.any() or count < _FEWEST_RANDOM or not np.any(y[rest]):
                 continue
             whole = float(root[rest] @ root[rest])
             mean = float(root[rest] @ y[rest]) / whole
