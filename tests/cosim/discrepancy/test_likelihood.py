@@ -63,6 +63,21 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: FittedFrames) -> None
     np.testing.assert_allclose(whole[met], 1, atol=1e-4)
 
 
+def test_a_certain_halo_at_an_edge_explains_no_losses(view: FittedFrames) -> None:
+    """Where a model predicts neither a return of the surface nor silence, both outcomes are equally likely."""
+    expected = _inside_bounds(view)
+    rows = len(expected.seen)
+    halo = replace(expected, seen=np.zeros(rows), silent=np.zeros(rows), split=np.zeros(rows))
+    sample = replace(view.fitter.sample, edge=np.ones(rows, bool), intensity=np.zeros(rows), above_m=expected.rise_m)
+    lost = residuals_of(replace(sample, along_m=np.full(rows, np.nan)), halo)
+    near = residuals_of(replace(sample, along_m=expected.range_m), halo)
+    alone = sample.compared & sample.first & np.isfinite(expected.range_m) & (sample.chance == 1)
+    density = np.exp(student(np.zeros(1)))[0] / range_spread_m(expected, sample.settings.likelihood)
+    assert alone.sum() > 1000
+    np.testing.assert_allclose((near.met * np.exp(near.outcome) / density)[alone], 0.5, rtol=0.01)
+    assert ((lost.met * np.exp(lost.outcome))[alone] <= 0.5).all()
+
+
 def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
     if channel == "range":
         return replace(expected, range_m=expected.range_m + by)
