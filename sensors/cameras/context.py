@@ -80,7 +80,7 @@ class OffscreenContext:
     """
 
     def __init__(self, width: int, height: int) -> None:
-        self._platform = _platform(width, height)
+        self._platform: Any = _platform(width, height)
         self._platform.init_context()
         self._platform.make_current()
         self.programs: dict[tuple, Program] = {}
