@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from cosim.driver_discrepancy.placed import Placed
 from cosim.driver_discrepancy.tracks import Tracks, take_rows, without_empty
@@ -44,6 +43,8 @@ class Observation:
 
         Trajectories without noise whose speeds were measured remain as they are.
         """
+        from scipy.signal import savgol_filter
+
         if not len(tracks) or (self.noise_m == 0 and not self.derives_speed):
             return tracks
         step_s = max(tracks.step_s, 1e-3)

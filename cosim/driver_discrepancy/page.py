@@ -227,7 +227,8 @@ def _findings(diagnosis: TrafficDiagnosis) -> str:
         "class=words>equation</th><th class=words>SUMO parameter</th></tr></thead><tbody>{}</tbody>"
         "</table><p>p is family-wise: the chance that any column of the dictionary would differ so much "
         "if nothing were missing. Vehicles are the independent units: their signs are flipped. The fall "
-        "of the error on held-out vehicles: over vehicles and seeds; coloured where it includes zero.</p>"
+        "of the error on held-out vehicles: over vehicles and seeds; coloured where it includes zero. Errors of a "
+        "behaviour are over what vehicles show both without and with it, so that they may differ from those above.</p>"
         "</section>",
         rows,
     )
