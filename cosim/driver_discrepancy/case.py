@@ -33,7 +33,7 @@ from sumo_nets import Town, read_town
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Everything that a comparison or a diagnosis needs.
+    """Inputs of a comparison or a diagnosis.
 
     Attributes:
         measured: summary of the measured trajectories.

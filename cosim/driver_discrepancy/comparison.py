@@ -1,4 +1,4 @@
-"""How far the model's traffic is from measured traffic."""
+"""Distance of the model's traffic from measured traffic."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StatisticRow:
 
     @property
     def unit(self) -> str:
-        """Of its values."""
+        """Unit of its values."""
         return CHANNELS[self.name].unit
 
     @property
@@ -85,7 +85,7 @@ class TrafficComparison:
         return max(significant, key=lambda row: abs(row.measured - row.model) / row.sigma) if significant else None
 
     def to_json(self) -> dict[str, Any]:
-        """What `cosim traffic-compare --json` writes."""
+        """Contents of the file of `cosim traffic-compare --json`."""
         by_channel = self.scores.by_channel()
         return {
             "vehicles": len(self.measured.ids),

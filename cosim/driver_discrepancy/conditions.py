@@ -36,7 +36,7 @@ CONDITIONS_OF: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class ConditionFrame:
-    """What measurement and simulations have in common: levels of the conditions, centres, and phases of signals.
+    """Definitions that measurement and simulations share: levels of the conditions, centres, and phases of signals.
 
     Attributes:
         streets: edges with most vehicle time, the longest first.

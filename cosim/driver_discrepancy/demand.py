@@ -77,7 +77,7 @@ class Trip:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredDemand:
-    """Everything that a simulation of the measured demand needs.
+    """Inputs of a simulation of the measured demand.
 
     Attributes:
         net, additional: files.

@@ -1,4 +1,4 @@
-"""What a diagnosis of driver behaviour found."""
+"""Result of a diagnosis of driver behaviour."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class TrafficDiagnosis:
     config_out: str | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """What `cosim traffic-diagnose --json` writes: the keys of `cosim diagnose`, and some of its own."""
+        """Contents of the file of `cosim traffic-diagnose --json`: the keys of `cosim diagnose`, and further ones."""
         unknowns = [_unknown(row) for row in self.unexplained]
         return {
             "verdict": self.verdict,

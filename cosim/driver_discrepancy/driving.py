@@ -1,4 +1,4 @@
-"""What drivers do besides following: changes of lane without a reason, U-turns, pull-outs.
+"""Actions of drivers other than car following: lane changes without a reason, U-turns, pull-outs.
 
 SUMO's own drivers do everything else; these acts are decided twice a second.
 """
@@ -60,7 +60,7 @@ class _Snapshot:
 
 
 class Driving:
-    """Lets drivers act step by step. Equal seeds give each of them the same draws, whatever the configuration.
+    """Applies the drivers' actions step by step. Equal seeds give each driver the same draws with any configuration.
 
     Args:
         sumo: the running libsumo, not yet stepped.

@@ -205,7 +205,7 @@ class Estimator:
         return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
 
     def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> Fit:
-        """The same with the covariance that its slopes give, over the columns that show the behaviours."""
+        """Return the estimate with the covariance of its slopes, over the columns that show the behaviours."""
         knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
         return replace(fit, covariance=self._covariance(self._own_jacobian(fit, behaviours, evidence), knobs))
 

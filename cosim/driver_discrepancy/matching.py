@@ -27,7 +27,7 @@ _AXES_SHARE = 0.8  # of samples that lie on streets with other axes, to be an er
 
 
 def match_lanes(tracks: Tracks, network: Network) -> tuple[Tracks, list[str]]:
-    """The same trajectories with lanes; those that have lanes of the network keep them.
+    """Return the trajectories with lanes; those that have lanes of the network keep them.
 
     Headings that are NaN (a vehicle that never moves, in data without headings) become those of the lanes.
 

@@ -99,7 +99,7 @@ class SignalProgram:
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Everything by SUMO's names.
+    """A network, indexed by SUMO's names.
 
     Attributes:
         lanes: of cars, those inside junctions too.

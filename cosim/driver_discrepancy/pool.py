@@ -59,7 +59,7 @@ class Simulations:
 
     @property
     def count(self) -> int:
-        """How many simulations there were."""
+        """Number of simulations."""
         return len(self._done)
 
     def run(self, jobs: Sequence[Job]) -> list[Summary]:
@@ -93,7 +93,7 @@ class Simulations:
 
 
 class _Worker:
-    """What a process was given when it began."""
+    """Data that a process receives when it starts."""
 
     given: tuple[MeasuredDemand, Network, ConditionFrame, Observation, float]
 

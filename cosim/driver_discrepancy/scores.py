@@ -61,7 +61,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Fall:
-    """How much an error falls from one model to another, on the same vehicles and seeds.
+    """Decrease of an error from one model to another, on the same vehicles and seeds.
 
     Attributes:
         before, after: errors.
@@ -96,7 +96,7 @@ def noise_floor(runs: Sequence[Summary], ids: frozenset[str] | None = None) -> f
 
 
 def noise_floors(runs: Sequence[Summary]) -> dict[str, float]:
-    """The same of each group of channels."""
+    """Noise floor of each group of channels."""
     groups = [one.by_group() for one in _own_scores(runs, None)]
     return {
         name: _mean([one.get(name, np.nan) for one in groups]) for name in dict.fromkeys(n for g in groups for n in g)

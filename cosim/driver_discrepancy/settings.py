@@ -13,7 +13,7 @@ from cosim.discrepancy import settings as sensor_loop
 
 @dataclass(frozen=True)
 class Gate:
-    """When measured traffic differs from a model's by more than luck."""
+    """Limits beyond which measured traffic differs significantly from a model's."""
 
     vehicle_freedom: float = (
         8.0  # degrees of freedom of the spread between vehicles, in addition to those between seeds
@@ -41,7 +41,7 @@ class Fitting:
 
 @dataclass(frozen=True)
 class Placing:
-    """How measured tracks are put on their network."""
+    """Settings of the assignment of measured tracks to their network."""
 
     rests_mps: float = 0.1  # slower vehicles count as stopped
     leads_m: float = 80.0  # maximum clear distance to a leader
@@ -52,7 +52,7 @@ class Placing:
 
 @dataclass(frozen=True)
 class Simulating:
-    """How the model's vehicles enter, drive and leave."""
+    """Settings of the model's vehicles: how they enter, drive and leave."""
 
     sublane_m: float = 0.8  # lateral resolution where measured changes of lane take their time
     jump_m: float = 1.5  # sideways within a step, by which changes of lane at once are recognised

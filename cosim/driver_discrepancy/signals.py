@@ -126,7 +126,7 @@ def _scores(program: SignalProgram, entries: np.ndarray, shifts_s: np.ndarray) -
 
 
 def _since_green(program: SignalProgram, index: int, times: np.ndarray) -> np.ndarray:
-    """Whole seconds since a link's light became green, at most 20, in the shape of the times."""
+    """Seconds since a link's light became green, rounded down, at most 20; the shape is that of the times."""
     since = np.zeros(times.shape)
     still = np.ones(times.shape, bool)
     for back in range(1, 21):

@@ -95,7 +95,7 @@ def _without_parking(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
 
 
 def _as_far_as_measured(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
-    """The same without what vehicles do beyond the place where they left the measured area."""
+    """Remove the part of each track beyond the place where the vehicle left the measured area."""
     keep = np.ones(len(tracks), bool)
     edges = np.array([name.rpartition("_")[0] if name[:1] != ":" else "" for name in tracks.lane.tolist()], dtype=str)
     row = {name: number for number, name in enumerate(tracks.ids)}
@@ -116,7 +116,7 @@ def _as_far_as_measured(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
 
 
 def _offset_from_centre(tracks: Tracks, behaviour: BehaviourConfig, seed: int) -> Tracks:
-    """The same with each driver's lateral position in the lane."""
+    """Add each driver's lateral position in the lane."""
     offset = np.array([draw_habits(behaviour, seed, name).lane_offset_m for name in tracks.ids], float)
     if not offset.any():
         return tracks

@@ -1,4 +1,4 @@
-"""What trajectories say about each vehicle: sums and weights of every column, channel × condition."""
+"""Summary of each vehicle's trajectory: sums and weights of every column, channel × condition."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Tracks:
 
     @property
     def seconds(self) -> float:
-        """How long it lasts."""
+        """Duration [s]."""
         return float(np.ptp(self.time_s))
 
     @cached_property
@@ -221,7 +221,7 @@ def _from_east(values: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def with_true_headings(tracks: Tracks) -> Tracks:
-    """The same with headings taken for SUMO's (clockwise from north) where ways driven say so."""
+    """Return tracks with headings read as SUMO's (clockwise from north) if the direction of travel agrees."""
     move = np.diff(tracks.place, axis=0)
     apart = np.hypot(move[:, 0], move[:, 1])
     moved = (np.diff(tracks.vehicle) == 0) & (apart > 0.1) & (apart < 50)

@@ -55,7 +55,7 @@ class DrivenTraffic:
 
     @property
     def events(self) -> list[Event]:
-        """What drivers did so far."""
+        """Actions of drivers so far."""
         return self._drivers.events
 
     def protect(self, vehicle: str) -> None:

@@ -1,4 +1,4 @@
-"""Which vehicle carries the sensors."""
+"""Choice of the vehicle that carries the sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who of SUMO's vehicles and persons is a road user, of which kind and size."""
+"""Road users among SUMO's vehicles and persons, with their kind and size."""
 
 from __future__ import annotations
 

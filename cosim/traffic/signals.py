@@ -1,4 +1,4 @@
-"""What traffic signals show: in a running simulation, and at any time of SUMO's clock."""
+"""States of traffic signals: in a running simulation, and at any time of SUMO's clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What SUMO reports of everyone, as columns that are kept from step to step."""
+"""SUMO's state of all road users, as columns that persist from step to step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a behaviour is for the loop: parameters, channels, and how a configuration states it."""
+"""Base class of behaviours in the loop: parameters, channels, and their place in a configuration."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def even(mean: float, deviation: float, low: float, high: float) -> Uniform:
 
 
 def with_common_luck(config: BehaviourConfig) -> BehaviourConfig:
-    """The same configuration with every constant as a distribution of no width.
+    """Return the configuration with every constant as a distribution of zero width.
 
     A constant draws nothing, so that giving it a width would change all later draws of a driver.
     """

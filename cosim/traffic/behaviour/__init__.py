@@ -1,4 +1,4 @@
-"""How drivers behave: habits from distributions, and incidents that happen now and then."""
+"""Driver behaviour: parameters drawn from distributions, and random incidents."""
 
 from cosim.traffic.behaviour.config import BehaviourConfig
 from cosim.traffic.behaviour.drivers import Drivers

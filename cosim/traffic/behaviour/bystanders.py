@@ -67,7 +67,7 @@ class _Person:
 
     @cached_property
     def corner_m(self) -> float:
-        """Where the way reaches the street, less half a body."""
+        """Distance along the path at which it reaches the street, less half a body length."""
         return float(self.stations[_STREET] - np.linalg.norm(self.way[3] - self.way[2]) - self.size[1] / 2)
 
     @property
@@ -200,7 +200,7 @@ class Bystanders:
 
     @staticmethod
     def _decide(person: _Person, now_s: float) -> None:
-        """Where to next."""
+        """Choose the next destination."""
         if now_s >= person.until_s:
             person.wants = person.wants + int(person.rng.choice((-1, 1))) if person.wants == _END else _END
             person.until_s = now_s + person.rng.uniform(*_STAYS_S)

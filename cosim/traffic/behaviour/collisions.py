@@ -134,7 +134,7 @@ def _gap(stage: Stage, row: int, ahead: int) -> float:
 
 
 def _depth(stage: Stage, row: int, ahead: int) -> float:
-    """How far the bodies of two have run into each other [m]."""
+    """Penetration depth of the bodies of two vehicles [m]."""
     rows, actors = [row, ahead], stage.actors
     heading = actors.heading_rad[rows]
     forward = unit_vectors(heading)

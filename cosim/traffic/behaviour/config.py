@@ -1,4 +1,4 @@
-"""How drivers behave: distributions of habits and rates of incidents."""
+"""Configuration of driver behaviour: distributions of parameters and rates of incidents."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Drivers:
 
     @staticmethod
     def _acts_of_sumo(config: BehaviourConfig, seed: int, rng: Callable[[str], np.random.Generator]) -> tuple:
-        """What a configuration of the preset `sumo` changes; usually only that vehicles wait for their bodies."""
+        """Changes that a configuration makes to the preset `sumo`; usually only that vehicles wait for their bodies."""
         acts: list = [ChangedParameters(config, seed)] if config.changes_vtypes else []
         if config.lane_change_share.bounds != (0.0, 0.0):
             acts.append(LaneChanges(rng("lane changes"), FreeDriving(seed)))
@@ -94,7 +94,7 @@ class Drivers:
 
     @property
     def events(self) -> list[Event]:
-        """What has happened so far, in order of time."""
+        """Events so far, in order of time."""
         return [] if self._stage is None else self._stage.events
 
     @property

@@ -16,7 +16,7 @@ _CAREFUL, _GOES_FIRST = (
 
 
 class Gridlock:
-    """Lets one of the vehicles that have waited long at a junction go first; in SUMO they would wait for ever.
+    """Gives priority to one of the vehicles that have waited long at a junction; in SUMO they would wait for ever.
 
     Bodies keep apart all the same.
     """
@@ -57,7 +57,7 @@ class Gridlock:
                 self._stands[vehicle] = actors.time_s  # then it is another's turn
 
     def _look_far(self, stage: Stage, longest: dict[str, tuple[float, str]]) -> None:
-        """The same for vehicles that only SUMO moves."""
+        """Extend the look-ahead of vehicles that only SUMO moves."""
         api = stage.api.vehicle
         for vehicle in sorted(stage.traffic.far):
             waits_s = api.getWaitingTime(vehicle)

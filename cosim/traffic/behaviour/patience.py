@@ -52,7 +52,7 @@ class Patience:
         self._give_up(stage, lag)
 
     def _back_up(self, stage: Stage) -> None:
-        """Who is stuck goes back a little, lets the other pass, and comes again, farther from what was in his way."""
+        """Move a blocked vehicle back, let the other one pass, and try again with more distance to the obstacle."""
         motion, actors = stage.motion, stage.actors
         for row in np.flatnonzero(motion.stuck_s() > _BACKS_UP_S).tolist():
             vehicle = actors.ids[row]

@@ -1,4 +1,4 @@
-"""Where to go next."""
+"""Choice of routes."""
 
 from __future__ import annotations
 

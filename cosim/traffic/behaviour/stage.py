@@ -1,4 +1,4 @@
-"""What the behaviours of one step share."""
+"""State that the behaviours of one step share."""
 
 from __future__ import annotations
 

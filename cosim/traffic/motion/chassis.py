@@ -1,4 +1,4 @@
-"""Where the axles are and how far the wheels turn."""
+"""Positions of the axles and largest steering angles."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHEEL_RATE_RADPS = 0.9  # quick hands: about 50 degrees of the front wheels a s
 
 @dataclass(frozen=True, eq=False)
 class Chassis:
-    """What a rear-axle bicycle model needs of n vehicles.
+    """Parameters of a rear-axle bicycle model of n vehicles.
 
     Attributes:
         rear_m: (n,) rear axle behind the front bumper.

@@ -1,4 +1,4 @@
-"""How fast the bends of a network can be taken in comfort."""
+"""Comfortable speeds in the bends of a network."""
 
 from __future__ import annotations
 

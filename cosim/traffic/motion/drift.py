@@ -10,7 +10,7 @@ _CHANGE_S = 3.0
 
 
 def lateral_jump(moved: np.ndarray, course_rad: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
-    """How far SUMO's position jumped to the left (n,), zero where it went along its course.
+    """Lateral jump (n,) of SUMO's position to the left, 0 if it moved along its course.
 
     Args:
         moved: (n, 2) from the last position to this one.
@@ -22,13 +22,13 @@ def lateral_jump(moved: np.ndarray, course_rad: np.ndarray, distance_m: np.ndarr
 
 
 def smooth(share: np.ndarray) -> np.ndarray:
-    """What is left of an offset after a share of the way: 1 to 0 with smooth ends (Flash & Hogan 1985)."""
+    """Remaining share of an offset after a share of the way: 1 to 0 with smooth ends (Flash & Hogan 1985)."""
     u = np.clip(share, 0, 1)
     return 1 - u**3 * (10 - 15 * u + 6 * u * u)
 
 
 def steep(share: np.ndarray) -> np.ndarray:
-    """The same for one who starts with the wheels turned: steep first, then ending along the lane."""
+    """Remaining share if the wheels are turned at the start: steep first, then ending along the lane."""
     return (1 - np.clip(share, 0, 1)) ** 2
 
 

@@ -65,7 +65,7 @@ def separation(
 def separation_of(
     ones: tuple[np.ndarray, np.ndarray, np.ndarray], others: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """The same of m boxes and m others, each as middles (m, 2), headings (m,) and half lengths and widths (m, 2)."""
+    """Separation of m pairs of boxes, each as centres (m, 2), headings (m,) and half lengths and widths (m, 2)."""
     (centre, heading_rad, half_1), (centre_2, heading_2, half_2) = ones, others
     cos_1, sin_1, cos_2, sin_2 = np.cos(heading_rad), np.sin(heading_rad), np.cos(heading_2), np.sin(heading_2)
     x, y = centre_2[:, 0] - centre[:, 0], centre_2[:, 1] - centre[:, 1]

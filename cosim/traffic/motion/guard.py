@@ -129,7 +129,7 @@ def _who_yields(
     at: int,
     bound: float,
 ) -> int | None:
-    """Who of a pair does not take the step he wants."""
+    """Choose which of a pair does not take its step."""
     may = [row for row in (i, j) if row not in yields or yields[row] is not None]
     may = [row for row in may if all_.moves[row]]
     if not may:

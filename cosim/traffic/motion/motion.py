@@ -110,7 +110,7 @@ class Motion:
         return vehicle in self._players
 
     def steps_left(self, vehicle: str) -> float:
-        """How many steps a vehicle's script still takes at least."""
+        """Smallest number of steps that a vehicle's script still takes."""
         return self._players[vehicle].steps_left if vehicle in self._players else 0.0
 
     def let_touch(self, one: str, other: str) -> None:
@@ -126,7 +126,7 @@ class Motion:
         return self._of["waits"]
 
     def blocker(self, vehicle: str) -> str | None:
-        """Who was in the way of a vehicle in the last step."""
+        """Vehicle that blocked a vehicle in the last step."""
         return self._blocks.get(vehicle)
 
     def stuck_s(self) -> np.ndarray:
@@ -134,7 +134,7 @@ class Motion:
         return self._of["stuck"]
 
     def lag(self) -> np.ndarray:
-        """How far the wheeled and unparked are from SUMO's places beyond their sideways ways (n,) [m]."""
+        """Distance (n,) [m] of moving vehicles from SUMO's positions, without their lateral offsets."""
         of = self._of
         meant = np.abs(of["jump"]) + 4.0 * np.array([name in self._approaches for name in self._ids], float)
         return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
@@ -226,7 +226,7 @@ class Motion:
         return follow(state, chassis, target, course, travel, self._step_s, paces)
 
     def _take_steps(self, actors: Actors, drives: np.ndarray, wanted: BicycleState) -> None:
-        """Everyone goes where he wants, except where bodies would touch."""
+        """Move all road users, except where bodies would touch."""
         of, step = self._of, self._step_s
         # whom SUMO's vehicles do not know of
         stands = self._walks & np.array([not lane for lane in actors.lanes], bool)

@@ -49,7 +49,7 @@ class Player:
 
     @property
     def steps_left(self) -> float:
-        """How many steps it takes at least to its end."""
+        """Smallest number of steps to its end."""
         if self.retreat and self._paused > _GIVES_UP_STEPS:
             return 0.0
         return len(self._front) - 1 - self._at

@@ -40,7 +40,7 @@ class Company:
 
 
 def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], np.ndarray, dict[int, int]]:
-    """Everyone goes where he wants, except where bodies would touch.
+    """Move all road users, except where bodies would touch.
 
     Returns:
         State after the step; (n,) bool, who did not go as he wants; row → row that was in its way.

@@ -1,4 +1,4 @@
-"""Where bodies come to rest when their drivers brake now."""
+"""Positions at which bodies stop if their drivers brake now."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ class Trail:
         return line[i] - over * direction, float(np.arctan2(direction[1], direction[0]))
 
     def nearest(self, position: np.ndarray) -> float:
-        """How far back along the way it comes nearest to a place (2,) [m]."""
+        """Distance back along the path [m] of the point nearest to a position (2,)."""
         line = self._line()
         piece = line[1:] - line[:-1]
         square = np.einsum("ij,ij->i", piece, piece)

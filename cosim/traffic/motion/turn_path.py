@@ -29,7 +29,7 @@ class TurnError(CosimError):
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """Where a vehicle may turn, in axes at its front bumper: x forward, y left.
+    """Area in which a vehicle may turn, in axes at its front bumper: x forward, y left.
 
     Attributes:
         right_m, left_m: lateral bounds of its corners (right_m < 0).

@@ -1,4 +1,4 @@
-"""What data sets call road users, and how large those are where a file does not say."""
+"""Names of road users in data sets, and default sizes for files that do not state them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _KIND_OF_WORD = {word: kind for kind, words in _WORDS.items() for word in words}
 
 
 def user_of(word: str, size_m: tuple[float | None, float | None, float | None] = (None, None, None)) -> User | None:
-    """Who a data set's word means; None for what is no road user. Sizes that are missing are those of the kind."""
+    """Road user that a data set's word means; None if it is not one. Missing sizes are those of the kind."""
     kind = _KIND_OF_WORD.get(word.strip().lower())
     if kind is None:
         return None
@@ -59,7 +59,7 @@ def user_of(word: str, size_m: tuple[float | None, float | None, float | None] =
 
 
 def sumo_types(files: Iterable[Path]) -> dict[str, User]:
-    """Who the vTypes of SUMO's files are, by id.
+    """Road users that the vTypes of SUMO's files describe, by id.
 
     Raises:
         TownError: a file cannot be read.

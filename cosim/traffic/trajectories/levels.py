@@ -133,7 +133,7 @@ def _common_offset(above: np.ndarray) -> float:
 
 
 def _passes_itself(points: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Where (n,) a line passes above itself, so that a place does not show its height."""
+    """(n,) bool points of a line that passes above itself there, so that the position does not determine the height."""
     from scipy.spatial import KDTree
 
     near = KDTree(points[:, :2]).query_ball_point(positions, _BESIDE_M)

@@ -87,7 +87,7 @@ def _complaints(xosc: Any) -> tuple[type[Exception], ...]:
 
 
 def _parse(path: Path, what: str, parse: Callable[[ET.Element], Any], element: ET.Element, xosc: Any) -> Any:
-    """What the library makes of an element.
+    """Parse an element with the library.
 
     Raises:
         TrajectoryError: the library cannot parse it.
@@ -136,7 +136,7 @@ def _users(
 
 
 def _user(entity: Any, xosc: Any) -> User | None:
-    """Who an entity is; None for what is no road user."""
+    """Road user that an entity describes; None if it is not one."""
     if isinstance(entity, xosc.Vehicle):
         word = entity.vehicle_type.get_name()
     elif isinstance(entity, xosc.Pedestrian):

@@ -28,7 +28,7 @@ class Replay:
 
     @property
     def tracks(self) -> RoadTracks:
-        """What is replayed."""
+        """Tracks that are replayed."""
         return self._tracks
 
     def at(self, time_s: float) -> Actors:
@@ -80,7 +80,7 @@ class Replay:
         return tracks.ids[int(rng.choice(np.array(moving)[enough]))]
 
     def life(self, user: str) -> tuple[float, float]:
-        """When a user is seen first and last [s]."""
+        """First and last time of a user [s]."""
         times = self._tracks.time_s[self._tracks.samples(self._tracks.ids.index(user))]
         return float(times[0]), float(times[-1])
 

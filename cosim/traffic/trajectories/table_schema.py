@@ -1,4 +1,4 @@
-"""What the columns of a trajectory table mean: time and its unit, headings, speeds, axes, each by two clues.
+"""Meaning of the columns of a trajectory table: time and its unit, headings, speeds, axes, each by two clues.
 
 Independent clues are compared: how far road users move between samples, the speeds the table states, the directions in
 which they move, the headings it states, ordinary rates of recording and speeds of traffic, and the size of stamps since

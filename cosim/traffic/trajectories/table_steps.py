@@ -1,4 +1,4 @@
-"""How far and in which direction road users of a table move between samples."""
+"""Distance and direction of the motion of a table's road users between samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where road users were, sample by sample."""
+"""Tracks of road users, sample by sample."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class RoadTracks:
         return self.way_m(user) < _STANDS_M
 
     def way_m(self, user: int) -> float:
-        """How far a user went."""
+        """Distance travelled by a user [m]."""
         places = self.front[self.samples(user), :2]
         return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 

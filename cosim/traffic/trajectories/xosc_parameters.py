@@ -50,7 +50,7 @@ def resolve_parameters(source: str, element: ET.Element, outer: Mapping[str, str
 
 
 def resolve_entry(source: str, entry: ET.Element, reference: Mapping[str, str]) -> None:
-    """The same for an entry of a catalogue: values that the reference assigns replace those declared."""
+    """Resolve an entry of a catalogue: values that the reference assigns replace those declared."""
     _resolve(source, entry, dict(reference), frozenset(reference))
 
 
