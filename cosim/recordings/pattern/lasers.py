@@ -129,8 +129,8 @@ def _with_more(
     """Lasers, and those of points on none of them, fitted to all points.
 
     Points at similar ranges do not determine the centre of their laser, as those of a steep laser that meets only the
-    vehicle's roof or the ground close by: if there are lasers, others begin with a centre of all, the upper or the
-    lower half of these.
+    vehicle's roof or the ground close by: if there are lasers, others start from the median centre of all, of the
+    upper or of the lower half of these.
 
     Args:
         lasers: found so far.
@@ -178,8 +178,8 @@ def _merged(lines: np.ndarray, rho: np.ndarray, z: np.ndarray, blur: np.ndarray)
     """Lines (k, 2) where two neighbours that fit their points no better than one line are one.
 
     The two models, a mixture of two lines and one line, are compared by the Bayesian information criterion; the
-    variance of elevations is that by rounding and a common one of all lasers. Points of equal height were rounded
-    alike, so they count as one.
+    variance of elevations is that by rounding and a common one of all lasers. Points of equal height have the
+    same error of rounding, so they count as one.
     """
     if len(lines) < 2 or not blur.any():
         return lines
@@ -399,7 +399,7 @@ def _robust_line(rho: np.ndarray, z: np.ndarray, blur: np.ndarray, start: np.nda
         weight = 1 / (spread**2 + blur[good] ** 2)
         lever = np.cos(elevation) ** 2 / rho[good]  # how the angle changes with the centre
         level = lever - float(np.average(lever, weights=weight))
-        heights = len(np.unique(z[good])) / max(int(good.sum()), 1)  # equal heights were rounded alike
+        heights = len(np.unique(z[good])) / max(int(good.sum()), 1)  # equal heights have the same error
         known = heights * float(weight @ level**2)
         raised = float((weight * level) @ off[good]) / float(weight @ level**2) if known * 0.005**2 > 1 else 0.0
         raised = float(np.clip(raised, -0.05, 0.05))

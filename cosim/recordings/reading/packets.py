@@ -1,6 +1,6 @@
 """Captures of UDP packets (`.pcap`): Velodyne's through velodyne-decoder, Ouster's through Ouster's SDK.
 
-Sensors are told apart by the first bytes of their data packets: Velodyne VLP-16 user manual (63-9243), section 9.3;
+Sensors are distinguished by the first bytes of their data packets: Velodyne VLP-16 user manual (63-9243), section 9.3;
 Hesai Pandar and XT user manuals, section "Point cloud data packet"; RoboSense rslidar_sdk, MSOP packets.
 """
 

@@ -46,6 +46,26 @@ def test_lasers_of_every_built_in_pattern_are_counted_and_placed(name: str, tmp_
 
 
 @pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
+@pytest.mark.parametrize(
+    "name", ["vlp16", *(pytest.param(name, marks=pytest.mark.slow) for name in SPINNING if name != "vlp16")]
+)
+def test_two_decimals_and_stray_points_change_no_count(name: str, order: str) -> None:
+    pattern, rng = load_pattern(name), np.random.default_rng(0)
+    xyz, number = [], []
+    for row, scan in enumerate(scans(pattern, order)):
+        points, stray = scan.xyz.copy(), rng.random(len(scan)) < 0.005
+        way = rng.normal(size=(stray.sum(), 3))
+        points[stray] = way / np.linalg.norm(way, axis=1)[:, None] * rng.uniform(1, 60, (stray.sum(), 1))
+        xyz.append(np.round(points, 2))
+        number.append(np.full(len(points), row))
+    every = np.concatenate(xyz)
+    found = find_lasers(np.hypot(every[:, 0], every[:, 1]), every[:, 2], np.concatenate(number), 0.01)
+    assert len(found) == pattern.rings
+    off = np.abs(found.elevation_deg - np.array(pattern.elevation_deg))
+    assert off.mean() < 0.02
+
+
+@pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
 def test_the_order_of_points_changes_no_elevation_and_gives_the_azimuth_offsets(order: str, tmp_path: Path) -> None:
     pattern = load_pattern("hdl64e_kitti")
     result = estimate_pattern_of(written(tmp_path / "scans", scans(pattern, order)), tmp_path)
