@@ -192,7 +192,9 @@ def test_a_truncation_that_the_image_boxes_contradict_is_not_used(column):
     labels.bbox[:] = [[300, 100, 400, 200], [500, 100, 600, 200], [0, 0, 1242, 375]]
     evaluation = evaluate(pair_frames([labels] * _MANY, [perfect(labels)] * _MANY))
     assert evaluation.results["Car"]["3d"][0].task.object_counts.sum() == 3 * _MANY
-    assert "no truncation" in evaluation.notes["Car"] and "truncation is not used" in as_json(evaluation)["Car"]["rules"]
+    assert (
+        "no truncation" in evaluation.notes["Car"] and "truncation is not used" in as_json(evaluation)["Car"]["rules"]
+    )
 
 
 @pytest.mark.parametrize("edges", [(0.0, 80.0), (560.0, 600.0)], ids=["left edge", "right edge"])
