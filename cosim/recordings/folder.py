@@ -55,7 +55,7 @@ def natural_order(name: str) -> list[tuple[int, int, str]]:
 def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
     """Times of the scans (n,) [s]: from `times.txt` or `timestamps.txt` next to them, or from their names.
 
-    Where such a file has not one line for each scan, as in KITTI's raw drives with missing scans, the number in a scan's
+    Where such a file has not one line for each scan, as in KITTI's raw drives with missing scans, the number in its
     name chooses its line. Times in names are seconds since 1970.
 
     Raises:

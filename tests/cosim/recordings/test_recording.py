@@ -207,7 +207,7 @@ def test_an_empty_line_is_the_time_of_a_missing_scan(tmp_path: Path) -> None:
 def test_times_that_contradict_the_numbers_in_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"0000000006.bin and 0000000011.bin are 5 intervals apart.* 0\.104 s"):
         open_recording(missing_scans(tmp_path, _KEPT, [*_TIMES[:20]]))
-    with pytest.raises(RecordingError, match="17 times for 20 scans, and not every scan .* has a time"):
+    with pytest.raises(RecordingError, match=r"17 times for 20 scans, and not every scan .* has a time"):
         open_recording(missing_scans(tmp_path, _KEPT, [_TIMES[row] for row in _KEPT[:17]]))
 
 

@@ -66,14 +66,14 @@ def test_statistics_and_views_of_a_raw_drive(raw_drive: Path, tmp_path: Path) ->
 
 def test_what_a_raw_drive_lacks_is_named(raw_drive: Path) -> None:
     (raw_drive.parent / "calib_cam_to_cam.txt").unlink()
-    with pytest.raises(FormatError, match="calib_cam_to_cam.txt: cannot be read"):
+    with pytest.raises(FormatError, match=r"calib_cam_to_cam\.txt: cannot be read"):
         _ = Drive(raw_drive)["0000000000"].calibration
     (raw_drive.parent / "calib_velo_to_cam.txt").write_text("R: 1 0 0\n")
     (raw_drive.parent / "calib_cam_to_cam.txt").write_text(f"P_rect_02: {words(CALIBRATION.P2)}\n")
     with pytest.raises(FormatError, match="Tr_velo_to_cam has 3 numbers"):
         _ = Drive(raw_drive)["0000000000"].calibration
     (raw_drive.parent / "calib_velo_to_cam.txt").unlink()
-    with pytest.raises(DriveError, match="a raw drive needs calib_velo_to_cam.txt and calib_cam_to_cam.txt"):
+    with pytest.raises(DriveError, match=r"a raw drive needs calib_velo_to_cam\.txt and calib_cam_to_cam\.txt"):
         Drive(raw_drive)
 
 
