@@ -13,7 +13,9 @@ import numpy as np
 from cosim.point_files.clues import elevation_entropy, find_ground, sense_of_rotation
 from cosim.point_files.scan import PointFileError
 
-_UNITS_M = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.3048: "feet"}
+_UNITS_M = {0.01: "cm", 0.001: "mm"}
+_FOOT_M = 0.3048
+_CAR_HEIGHTS_M = (1.3, 2.6)  # of sensors on cars and vans above the ground
 _RANGES_M = (1.0, 150.0)  # median ranges of scans of any spinning sensor
 _FULL_CIRCLE = 0.5  # share of sectors with points of a scan that is about the sensor
 _SECTORS = 36
@@ -24,6 +26,8 @@ _FEWEST = 200
 def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> float:
     """Length of one unit of x, y, z [m]: metres unless both the ranges and the ground's depth say otherwise.
 
+    Ranges in feet are possible in metres, too: a ground at the depth of a car's sensor in feet is noted.
+
     Raises:
         PointFileError: ranges are no metres, and no other unit agrees with both clues.
     """
@@ -32,11 +36,10 @@ def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> 
         return 1.0
     median = float(np.median(np.linalg.norm(xyz, axis=1)))
     if median <= _RANGES_M[1] or not _surrounds(xyz):
+        notes.extend(_feet_note(xyz))
         return 1.0  # small scenes are possible; coordinates far from the origin are not measured from the sensor
     fitting = [
-        unit
-        for unit in (0.01, 0.001)
-        if _RANGES_M[0] < median * unit < _RANGES_M[1] and find_ground(xyz, unit) is not None
+        unit for unit in _UNITS_M if _RANGES_M[0] < median * unit < _RANGES_M[1] and find_ground(xyz, unit) is not None
     ]
     if len(fitting) == 1:
         ground = find_ground(xyz, fitting[0])
@@ -133,6 +136,18 @@ def _lies_around(xyz: np.ndarray, z: float, metres: float) -> bool:
     layer = xyz[np.abs(xyz[:, 2] - z) * metres < _LAYER_M]
     counts, _ = np.histogram(np.arctan2(layer[:, 1], layer[:, 0]), _SECTORS, (-np.pi, np.pi))
     return float(np.mean(counts > 0)) > _ALL_AROUND
+
+
+def _feet_note(xyz: np.ndarray) -> list[str]:
+    """A note where the ground is as deep as below a car's sensor if coordinates are feet."""
+    ground = find_ground(xyz, _FOOT_M)
+    depth = 0.0 if ground is None else abs(ground.z)
+    if not _CAR_HEIGHTS_M[0] < depth * _FOOT_M < _CAR_HEIGHTS_M[1]:
+        return []
+    return [
+        f"coordinates are taken as metres, with the ground {depth:.1f} m below the sensor; if they are feet, it is "
+        f"{depth * _FOOT_M:.1f} m below: give --metres {_FOOT_M} (`metres:` in drive.yaml)"
+    ]
 
 
 def _surrounds(xyz: np.ndarray) -> bool:

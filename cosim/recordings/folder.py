@@ -17,6 +17,7 @@ _BESIDE = ("times.txt", "timestamps.txt")
 _EPOCH_DIGITS = {13: 1e-3, 16: 1e-6, 17: 1e-6, 18: 1e-9, 19: 1e-9}  # digits of a stamp in a name → its unit [s]
 _LEAST_EPOCH_DIGITS = min(_EPOCH_DIGITS)
 _MOST_STEP = 5  # of the numbers of scans that follow each other
+_LEAST_SHARE = 0.6  # of the time that a gap in the numbers of scans takes at their usual interval
 
 
 def find_scans(root: Path, pattern: str | None = None) -> tuple[Path, ...]:
@@ -54,11 +55,12 @@ def natural_order(name: str) -> list[tuple[int, int, str]]:
 def find_stamps(root: Path, files: tuple[Path, ...]) -> np.ndarray | None:
     """Times of the scans (n,) [s]: from `times.txt` or `timestamps.txt` next to them, or from their names.
 
-    Where such a file has more lines than there are scans, as KITTI's raw drives with missing scans, the number in a
-    scan's name chooses its line. Times in names are seconds since 1970.
+    Where such a file has not one line for each scan, as in KITTI's raw drives with missing scans, the number in its
+    name chooses its line. Times in names are seconds since 1970.
 
     Raises:
-        RecordingError: the lines of such a file cannot be assigned to scans, or a line is no time.
+        RecordingError: the lines of such a file cannot be assigned to scans, names and times contradict each other, or
+            a line is no time.
     """
     folder = files[0].parent
     for path in dict.fromkeys((folder, folder.parent, root)):
@@ -85,39 +87,81 @@ def name_numbers(names: tuple[str, ...]) -> np.ndarray | None:
     return numbers_ if steps.min() >= 1 and np.median(steps) <= _MOST_STEP else None
 
 
-def numbered_rows(files: tuple[Path, ...] | tuple[str, ...], count: int) -> np.ndarray | None:
+def numbered_rows(names: tuple[str, ...], count: int) -> np.ndarray | None:
     """Row of each scan in a list of all scans that were taken, by the number in its name.
 
-    None where that cannot be: the number of the last scan must be that of the last row, so that the numbers that are
-    missing explain the difference.
+    None where that cannot be: the numbers that are missing must explain the difference, so that the last number is that
+    of the last row, or some are missing between the first row and the last scan.
 
     Args:
-        files: scans, or their names; scans may be missing.
+        names: of the scans; scans may be missing.
         count: rows of the list, one for every scan that was taken.
     """
-    names = [file.name if isinstance(file, Path) else file for file in files]
-    last = [re.findall(r"\d+", name) for name in names]
-    if not all(last):
+    counted = name_numbers(names)
+    if counted is None:
         return None
-    rows = np.array([int(numbers_[-1]) if len(numbers_[-1]) < 10 else -1 for numbers_ in last])
-    if len(rows) == 0 or rows.min() < 0 or np.any(np.diff(rows) <= 0) or rows.max() != count - 1:
-        return None
-    return rows
+    rows = counted - (counted[-1] == count)  # counted from 1
+    explained = rows[-1] == count - 1 or (rows[0] == 0 and rows[-1] >= len(rows))
+    return rows if explained and rows[0] >= 0 and rows[-1] < count else None
 
 
 def _listed(file: Path, files: tuple[Path, ...]) -> np.ndarray:
-    lines = [line.strip() for line in read_text(file).splitlines() if line.strip()]
-    stamps = np.array([_seconds(line, f"{file}:{row}") for row, line in enumerate(lines, 1)])
-    if len(lines) == len(files):
-        return stamps
-    rows = numbered_rows(files, len(lines)) if len(lines) > len(files) else None
-    if rows is None:
+    """Times of the scans; the numbers in their names and the times themselves choose the lines where counts differ.
+
+    Raises:
+        RecordingError: names and times contradict each other, no line for a scan, or a line is no time.
+    """
+    lines = [line.strip() for line in read_text(file).rstrip().splitlines()]
+    given = np.array([row for row, line in enumerate(lines) if line], int)  # an empty line stands for a missing scan
+    stamps = np.array([_seconds(lines[row], f"{file}:{row + 1}") for row in given])
+    counted = name_numbers(tuple(file.name for file in files))
+    candidates = [np.arange(len(files))] if len(stamps) == len(files) else []
+    if counted is not None and len(stamps) > 1:
+        for number in (given, _turns(stamps)):
+            candidates += [_places(counted - first, number) for first in dict.fromkeys((0, 1, counted[0]))]
+    rows = [found for found in candidates if found is not None]
+    if not rows:
         raise RecordingError(
-            f"{file}: {len(lines)} times for {len(files)} scans, and the numbers in the names of the scans "
-            f"({files[0].name} to {files[-1].name}) do not say which are missing; give one time a scan, or remove the "
-            f"file"
+            f"{file}: {len(stamps)} times for {len(files)} scans, and not every scan ({files[0].name} to "
+            f"{files[-1].name}) has a time by the number in its name; give one time a scan, or a line for each number, "
+            "or remove the file"
         )
-    return stamps[rows]
+    if counted is None:
+        return stamps[rows[0]]
+    steps = np.diff(counted)
+    best = min(rows, key=lambda found: np.abs(_intervals(steps, stamps[found]) - steps).round().sum())
+    share = np.where(steps > np.median(steps), _intervals(steps, stamps[best]) / steps, 1.0)
+    if share.min() < _LEAST_SHARE:
+        row = int(share.argmin())
+        raise RecordingError(
+            f"{file}: by their names, scans {files[row].name} and {files[row + 1].name} are "
+            f"{steps[row]} intervals apart, by their times "
+            f"{stamps[best][row + 1] - stamps[best][row]:.3f} s, too short for that; correct the times, or remove the "
+            "file to go by the names"
+        )
+    return stamps[best]
+
+
+def _turns(stamps: np.ndarray) -> np.ndarray:
+    """(n,) number of each time, counted in usual intervals from the first."""
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    return np.append(0, np.cumsum(np.rint(steps / usual))).astype(int) if usual > 0 else np.arange(len(stamps))
+
+
+def _places(wanted: np.ndarray, numbers_: np.ndarray) -> np.ndarray | None:
+    """Where each wanted number is in increasing numbers; None if one is not there."""
+    places = np.searchsorted(numbers_, wanted)
+    if np.any(np.diff(numbers_) <= 0) or places[-1] >= len(numbers_) or np.any(numbers_[places] != wanted):
+        return None
+    return places
+
+
+def _intervals(steps: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """(n - 1,) usual intervals from scan to scan by their times, the interval being that of one number in names."""
+    gained = np.diff(stamps)
+    usual = float(np.median(gained / steps))
+    return gained / usual if usual > 0 else steps.astype(float)
 
 
 def _seconds(line: str, where: str) -> float:

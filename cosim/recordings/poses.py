@@ -82,8 +82,14 @@ def _from_kitti(rows: np.ndarray, file: Path, count: int, names: tuple[str, ...]
 def _from_oxts(folder: Path, count: int, names: tuple[str, ...]) -> np.ndarray:
     files = sorted(folder.glob("*.txt"), key=lambda file: natural_order(file.name))
     by_name = {file.stem: file for file in files}
-    if len(files) != count and names and set(names) <= by_name.keys():
+    absent = [name for name in names if name not in by_name]
+    if names and not absent:
         files = [by_name[name] for name in names]
+    elif 0 < len(absent) < len(names):
+        raise RecordingError(
+            f"{folder}: no record for scan {absent[0]} ({len(absent)} of {count} scans have none); give one record a "
+            "scan, or leave these scans out with --scans"
+        )
     elif len(files) != count:
         files = [files[row] for row in _rows_of_scans(folder, len(files), count, names)]
     poses = np.array([read_oxts(file).pose for file in files])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cosim.drives.files import is_safe_name
 from cosim.drives.kitti import Drive, Frame
-from cosim.drives.kitti.layout import where_instead
+from cosim.drives.kitti.layout import holds_scans, where_instead
 from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
@@ -36,7 +36,7 @@ class FrameSet:
         if not given.is_dir():
             raise DriveError(f"{given}: {'not a folder' if given.exists() else 'no such folder'}; give that of a drive")
         self._drive: Drive | None = None
-        if any((given / below / "velodyne").is_dir() for below in _BELOW):
+        if any(holds_scans(given / below) for below in _BELOW):
             self._drive = Drive(given)
             self.root, self.names = self._drive.root, self._drive.frames
             self.kind = f"{self._drive.kind} drive"
@@ -44,7 +44,7 @@ class FrameSet:
             root = next((given / below for below in _BELOW if (given / below / "label_2").is_dir()), None)
             if root is None:
                 raise DriveError(
-                    f"{given}: neither velodyne/ nor label_2/ here or in training/; {where_instead(given, 'velodyne')}"
+                    f"{given}: neither velodyne/ nor label_2/ here or in training/; {where_instead(given)}"
                 )
             self.root, self.kind = root, "labels"
             self.names = tuple(sorted(f.stem for f in (root / "label_2").glob("*.txt") if is_safe_name(f.stem)))

@@ -14,7 +14,7 @@ from cosim.traffic.lane_limits import scale_limits, slow_for_bends
 from cosim.traffic.longer_routes import LongerRoutes
 from cosim.traffic.road_users import RoadUsers
 from cosim.traffic.route_corners import RouteCorners
-from cosim.traffic.starting import SavedState, TrafficError, start_sumo
+from cosim.traffic.starting import SavedState, TrafficError, describe_stop, start_sumo
 from cosim.traffic.street_speed import StreetSpeed
 from cosim.traffic.subscriptions import Subscriptions
 
@@ -223,10 +223,11 @@ class Traffic:
         Raises:
             TrafficError: SUMO gave up.
         """
+        before_s = self.time_s
         try:
             self._sumo.simulationStep()
-        except self._sumo.TraCIException as error:
-            raise TrafficError(f"SUMO stopped at {self.time_s:.1f} s: {error}") from error
+        except (self._sumo.TraCIException, self._sumo.FatalTraCIError) as error:
+            raise TrafficError(f"SUMO stopped at {before_s:.1f} s: {describe_stop(error)}") from error
         self._subscribe()
         self._rest()
         return self._read()

@@ -44,13 +44,15 @@ def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> SavedSt
     """
     path = folder / "warm.xml"
     sumo = start_sumo(sumocfg, seed, _QUICK_STEP_S, sublane=False)
+    reached_s = 0.0
     try:
-        for _ in range(round(seconds / _QUICK_STEP_S)):
+        for step in range(round(seconds / _QUICK_STEP_S)):
+            reached_s = step * _QUICK_STEP_S
             sumo.simulationStep()
         sumo.simulation.saveState(str(path))
         return SavedState(path, float(sumo.simulation.getTime()))
-    except sumo.TraCIException as error:
-        raise TrafficError(f"SUMO stopped at {sumo.simulation.getTime():.1f} s: {error}") from error
+    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+        raise TrafficError(f"SUMO stopped after {reached_s:.1f} s of warm-up: {describe_stop(error)}") from error
     finally:
         sumo.close()
 
@@ -149,6 +151,15 @@ def _start(command: list[str]) -> ModuleType:
             errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
             raise TrafficError(f"SUMO refuses {command[2]}: {errors[0].removeprefix('Error: ')}") from error
     return libsumo
+
+
+def describe_stop(error: Exception) -> str:
+    """What SUMO says of its end, and the remedy for a vehicle without a route."""
+    said = " ".join(str(error).split()).rstrip(".")
+    if "no valid route" not in said:
+        return said
+    remedy = 'leave such vehicles out with <ignore-route-errors value="true"/> in the .sumocfg'
+    return f"{said}; correct its route, or {remedy}"
 
 
 @contextlib.contextmanager

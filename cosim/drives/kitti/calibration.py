@@ -26,8 +26,15 @@ _SHAPES = {
     "Tr_velo_to_cam": (3, 4),
     "Tr_imu_to_velo": (3, 4),
 }
-_SPELLINGS = {"R_rect": "R0_rect", "Tr_velo_cam": "Tr_velo_to_cam", "Tr_imu_velo": "Tr_imu_to_velo"}
+_SPELLINGS = {
+    "R_rect": "R0_rect",
+    "Tr_velo_cam": "Tr_velo_to_cam",
+    "Tr_imu_velo": "Tr_imu_to_velo",
+    "Tr": "Tr_velo_to_cam",
+}
 _MANDATORY = ("P2", "R0_rect", "Tr_velo_to_cam")
+VELO_TO_CAM, CAM_TO_CAM, _IMU_TO_VELO = "calib_velo_to_cam.txt", "calib_cam_to_cam.txt", "calib_imu_to_velo.txt"
+"""Files of a day of KITTI's raw drives."""
 _NAMED_P, _NAMED_TR = "P_", "Tr_velo_to_rect_"
 
 
@@ -146,7 +153,7 @@ class Calibration:
 
 
 def parse_calibration(text: str, source: str | Path = "calibration") -> Calibration:
-    """The calibration in the text of a file; also in the spelling of KITTI's tracking set.
+    """The calibration in the text of a file; also in the spelling of KITTI's tracking and odometry sets.
 
     A name without numbers, as `Tr_imu_to_velo:`, is a matrix that is not given; a rectification that is not given is
     the identity.
@@ -169,8 +176,10 @@ def parse_calibration(text: str, source: str | Path = "calibration") -> Calibrat
             raise FormatError(f"{where} is there twice; keep one")
         if rest.strip():
             matrices[name] = _matrix(rest.split(), _SHAPES[name], where)
-        elif name == "R0_rect":
+        if name == "R0_rect" and not rest.strip():
             matrices[name] = np.eye(3)
+        elif key == "Tr":  # of the odometry set, to rectified axes
+            matrices.setdefault("R0_rect", np.eye(3))
     missing = [name for name in _MANDATORY if name not in matrices]
     if missing:
         raise FormatError(f"{source}: missing {', '.join(missing)}; a calibration needs {', '.join(_MANDATORY)}")
@@ -216,8 +225,37 @@ def _line(name: str, matrix: np.ndarray) -> str:
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """Read a calibration file; see `parse_calibration`."""
-    return parse_calibration(read_text(path), path)
+    """Read a calibration file, see `parse_calibration`; with `calib_velo_to_cam.txt` the files of a day of raw drives.
+
+    Raises:
+        FormatError: it cannot be read, or lacks a matrix.
+    """
+    file = Path(path)
+    return _read_raw(file.parent) if file.name == VELO_TO_CAM else parse_calibration(read_text(file), file)
+
+
+def _read_raw(folder: Path) -> Calibration:
+    """The calibration of a day of KITTI's raw drives (development kit for raw data, readme.txt)."""
+    cameras = _rows(folder / CAM_TO_CAM)
+    imu = folder / _IMU_TO_VELO
+    lines = {
+        "R0_rect": cameras.get("R_rect_00", ""),
+        "Tr_velo_to_cam": _rigid(_rows(folder / VELO_TO_CAM)),
+        "Tr_imu_to_velo": _rigid(_rows(imu)) if imu.is_file() else "",
+        **{f"P{camera}": cameras.get(f"P_rect_{camera:02d}", "") for camera in range(4)},
+    }
+    return parse_calibration("\n".join(f"{name}: {words}" for name, words in lines.items()), folder)
+
+
+def _rows(file: Path) -> dict[str, str]:
+    pairs = (line.partition(":") for line in read_text(file).splitlines())
+    return {key.strip(): words.strip() for key, _, words in pairs}
+
+
+def _rigid(rows: Mapping[str, str]) -> str:
+    """The words of R (3 × 3) and T (3) as those of a 3 × 4 matrix, row by row."""
+    turned, moved = rows.get("R", "").split(), rows.get("T", "").split()
+    return " ".join(" ".join([*turned[3 * row : 3 * row + 3], *moved[row : row + 1]]) for row in range(3)).strip()
 
 
 def write_calibration(path: str | Path, calibration: Calibration) -> None:

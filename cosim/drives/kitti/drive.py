@@ -32,7 +32,7 @@ _CONSEQUENCES = {
 
 
 class Drive:
-    """The frames of a folder, in our layout or KITTI's.
+    """The frames of a folder, in our layout, KITTI's, or that of KITTI's raw drives.
 
     Usage: `drive = Drive("out"); drive["000000"].points`, or `for frame in drive: …`.
 
@@ -56,14 +56,15 @@ class Drive:
         """
         layout = find_layout(Path(path))
         self.root, self.base, self.lidar = layout.root, layout.base, layout.lidar
-        self._image_sets = layout.image_sets
-        scans = list_scans(self.root)
+        self._image_sets, self._parts, self._calibration = layout.image_sets, layout.parts, layout.calibration
+        self._scans = self.root / layout.parts.get("velodyne", "velodyne")
+        scans = list_scans(self._scans)
         manifest = self.base / "manifest.jsonl"
         finished = set(read_manifest(manifest)) if manifest.is_file() else set(scans)
         self.frames: tuple[str, ...] = tuple(name for name in scans if name in finished)
         if not self.frames:
             state = "manifest.jsonl lists no finished scan of it" if scans else "it holds no .bin file"
-            raise DriveError(f"{self.root / 'velodyne'}: {state}; a drive needs at least one frame")
+            raise DriveError(f"{self._scans}: {state}; a drive needs at least one frame")
         self._lost = len(finished - set(scans))
         self._known = frozenset(self.frames)
         self.info: Mapping[str, Any] = self._said()
@@ -99,6 +100,8 @@ class Drive:
             self.base if self.lidar else None,
             self.lidar,
             self._reference,
+            self._parts,
+            self._calibration,
         )
 
     @property
@@ -265,7 +268,7 @@ class Drive:
         """
         if self.kind == "simulated":
             return PLAIN
-        files = [self.root / "velodyne" / f"{name}.bin" for name in self.frames]
+        files = [self._scans / f"{name}.bin" for name in self.frames]
         return find_point_format(files, self.info, self.base / "drive.yaml")
 
     @cached_property

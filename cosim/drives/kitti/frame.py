@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -68,6 +68,8 @@ class Frame:
         base: holds what LiDARs share, where a drive has several; None: the root.
         lidar: name of the LiDAR, where it is not the drive's first.
         reference: name of the camera that labels refer to, where the rig is not KITTI's.
+        parts: folder of each part that is not in the folder of its name, relative to the root.
+        common_calibration: file of the calibration, where it is the same for all frames.
     """
 
     name: str
@@ -78,6 +80,8 @@ class Frame:
     base: Path | None = None
     lidar: str = ""
     reference: str = ""
+    parts: Mapping[str, str] = field(default_factory=dict)
+    common_calibration: Path | None = None
 
     def find(self, part: str) -> Path | None:
         """The file of a part (a folder such as `label_2`), or None if it is absent.
@@ -86,8 +90,10 @@ class Frame:
         """
         if self.reference and part in _OF_REFERENCE:
             part = f"{part[:-2]}_{self.reference}"
+        if part == "calib" and self.common_calibration is not None:
+            return self.common_calibration
         root = self.root if self.base is None or part in _OF_LIDAR else self.base
-        candidates = [root / part / (self.name + suffix) for suffix in suffixes(part)]
+        candidates = [root / self.parts.get(part, part) / (self.name + suffix) for suffix in suffixes(part)]
         return next((path for path in candidates if path.is_file()), None)
 
     def has(self, part: str) -> bool:
@@ -102,7 +108,7 @@ class Frame:
         """
         found = self.find(part)
         if found is None:
-            file = f"{part}/{self.name}{suffixes(part)[0]}"
+            file = f"{self.parts.get(part, part)}/{self.name}{suffixes(part)[0]}"
             raise DriveError(f"{self.root}: no {file}; add it, or leave out what needs {part}/")
         return found
 

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from assets.documents import parse_json
 from cosim.drives.files import is_safe_name, read_text
+from cosim.drives.kitti.calibration import CAM_TO_CAM, VELO_TO_CAM
 from cosim.errors import DriveError
 
 _BELOW = ("", "training", "testing")
 _SHOWN = 6  # folders in a message
 LIDARS = "lidars"
 """Folder of a drive's additional LiDARs: each contains `velodyne/` and `calib/` and is a drive by itself."""
+_RAW = {
+    "velodyne": "velodyne_points/data",
+    "oxts": "oxts/data",
+    **{f"image_{camera}": f"image_{camera:02d}/data" for camera in range(4)},
+}  # folders of a raw drive of KITTI (its development kit for raw data, readme.txt) by part
 
 
 @dataclass(frozen=True)
@@ -24,43 +31,70 @@ class Layout:
         image_sets: folder of the lists of frames, next to the root or above it; None if there are none.
         base: folder of what all LiDARs of a drive share; the root except for additional LiDARs.
         lidar: name of such a LiDAR; empty for the first.
+        parts: folder, relative to the root, of each part that is not in the folder of its name.
+        calibration: file that holds for all frames; None if there is one a frame in `calib/`.
     """
 
     root: Path
     image_sets: Path | None
     base: Path
     lidar: str = ""
+    parts: Mapping[str, str] = field(default_factory=dict)
+    calibration: Path | None = None
 
 
 def find_layout(path: Path) -> Layout:
-    """The layout of the drive at `path`: its root, or KITTI's folder above `training/` or `testing/`.
+    """The layout of the drive at `path`: its root, KITTI's folder above `training/` or `testing/`, or a raw drive.
 
     Raises:
         DriveError: no such folder, or no `velodyne/` or `calib/` in it.
     """
     if not path.is_dir():
         raise DriveError(f"{path}: {'not a folder' if path.exists() else 'no such folder'}; give that of a drive")
-    root = next((path / below for below in _BELOW if (path / below / "velodyne").is_dir()), None)
+    root = next((path / below for below in _BELOW if holds_scans(path / below)), None)
     if root is None:
         raise DriveError(
             f"{path}: no velodyne/ here or in training/; a drive holds velodyne/NAME.bin and calib/NAME.txt: "
-            f"{where_instead(path, 'velodyne')}"
+            f"{where_instead(path)}"
         )
-    if not (root / "calib").is_dir():
-        raise DriveError(f"{root}: no calib/; every scan needs calib/NAME.txt: add them in KITTI's format")
+    parts = {} if (root / "velodyne").is_dir() else _RAW
+    calibration = None if (root / "calib").is_dir() else _common_calibration(root, parts)
     base, lidar = _base_of(root)
     above = [path, root.parent] if root.name in _BELOW[1:] else [base]
     image_sets = next((folder / "ImageSets" for folder in above if (folder / "ImageSets").is_dir()), None)
-    return Layout(root, image_sets, base, lidar)
+    return Layout(root, image_sets, base, lidar, parts, calibration)
 
 
-def where_instead(path: Path, part: str) -> str:
-    """What to give instead of a folder without a part: the folders in it that hold the part, here or in `training/`."""
+def holds_scans(folder: Path) -> bool:
+    """Whether a folder is the root of a drive, in the layout of a data set or of a raw drive of KITTI."""
+    return (folder / "velodyne").is_dir() or (folder / _RAW["velodyne"]).is_dir()
+
+
+def _common_calibration(root: Path, parts: Mapping[str, str]) -> Path:
+    """The file of the calibration that holds for all frames.
+
+    Raises:
+        DriveError: there is none.
+    """
+    raw = [folder / VELO_TO_CAM for folder in (root, root.absolute().parent)] if parts else []
+    found = next((file for file in (root / "calib.txt", *raw) if file.is_file()), None)
+    if found is None:
+        remedy = (
+            f"a raw drive needs {VELO_TO_CAM} and {CAM_TO_CAM} here or in the folder above, as KITTI provides them"
+            if parts
+            else "every scan needs calib/NAME.txt, or all of them one calib.txt: add them in KITTI's format"
+        )
+        raise DriveError(f"{root}: no calib/; {remedy}")
+    return found
+
+
+def where_instead(path: Path) -> str:
+    """What to give instead of a folder that is no drive: the folders in it that are."""
     folders = sorted(item for item in path.iterdir() if item.is_dir())
-    found = [folder.name for folder in folders if any((folder / below / part).is_dir() for below in _BELOW)]
+    found = [folder.name for folder in folders if any(holds_scans(folder / below) for below in _BELOW)]
     if not found:
         return "give the folder above them"
-    return f"give one of its folders that hold {part}/: {', '.join(found[:_SHOWN])}" + " …" * (len(found) > _SHOWN)
+    return f"give one of the drives in it: {', '.join(found[:_SHOWN])}" + " …" * (len(found) > _SHOWN)
 
 
 def lidar_folder(path: Path, name: str | None) -> Path:
@@ -91,9 +125,9 @@ def _base_of(root: Path) -> tuple[Path, str]:
     return root, ""
 
 
-def list_scans(root: Path) -> list[str]:
+def list_scans(folder: Path) -> list[str]:
     """Names of the scans in `velodyne/`, sorted; files whose names could not be a frame's are passed over."""
-    return sorted(file.stem for file in (root / "velodyne").glob("*.bin") if is_safe_name(file.stem))
+    return sorted(file.stem for file in folder.glob("*.bin") if is_safe_name(file.stem))
 
 
 def read_manifest(file: Path) -> list[str]:

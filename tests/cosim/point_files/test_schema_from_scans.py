@@ -187,3 +187,9 @@ def test_a_wall_close_by_is_no_ground(tmp_path):
 def test_points_in_other_axes_are_refused_with_the_reason(change, says, tmp_path):
     with pytest.raises(RecordingError, match=says):
         recording(tmp_path, change)
+
+
+@pytest.mark.parametrize(("unit_m", "is_noted"), [(0.3048, True), (1.0, False)])
+def test_coordinates_that_may_be_feet_are_noted(unit_m, is_noted, tmp_path):
+    notes = recording(tmp_path, lambda p: p / [unit_m, unit_m, unit_m, 1]).notes
+    assert any("if they are feet, it is 1.8 m below: give --metres 0.3048" in note for note in notes) == is_noted

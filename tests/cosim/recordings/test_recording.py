@@ -161,3 +161,70 @@ def test_reading_a_recording_imports_no_library_of_another_format() -> None:
         "print(sorted({'torch', 'rosbags', 'kiss_icp', 'polars', 'ouster', 'trimesh'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def missing_scans(folder: Path, kept: list[int], stamp_s: list[float | None]) -> Path:
+    """A raw drive of KITTI with some of its scans and times; a time that is None is an empty line."""
+    data = scans(folder / "velodyne_points/data", 24, "{:010d}.bin")
+    for number in {*range(24)} - {*kept}:
+        (data / f"{number:010d}.bin").unlink()
+    lines = ["" if value is None else f"2011-09-26 13:02:{value:012.9f}" for value in stamp_s]
+    (data.parent / "timestamps.txt").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+_TIMES = [25.0 + 0.1036 * number for number in range(24)]
+_KEPT = [number for number in range(24) if number not in (7, 8, 9, 10)]
+
+
+@pytest.mark.parametrize(
+    ("kept", "lines"),
+    [
+        (_KEPT, [*range(24)]),
+        (_KEPT, _KEPT),
+        (_KEPT, [row for row in range(24) if row != 7]),
+        (_KEPT[:-3], [*range(24)]),
+        (_KEPT[:-3], [row for row in range(24) if row != 7]),
+        (_KEPT[3:], [*range(24)]),
+        (_KEPT[3:], _KEPT[3:]),
+        ([*range(21)], [*range(24)]),
+    ],
+    ids=["all", "one each", "some", "end missing", "end and one time missing", "start", "start, one each", "copied"],
+)
+def test_times_of_missing_scans_are_passed_over(kept: list[int], lines: list[int], tmp_path: Path) -> None:
+    recording = open_recording(missing_scans(tmp_path, kept, [_TIMES[row] for row in lines]))
+    assert recording.stamp_s is not None
+    np.testing.assert_allclose(recording.stamp_s % 60, np.array(_TIMES)[kept], atol=1e-6)
+
+
+def test_an_empty_line_is_the_time_of_a_missing_scan(tmp_path: Path) -> None:
+    recording = open_recording(
+        missing_scans(tmp_path, _KEPT, [time if row in _KEPT else None for row, time in enumerate(_TIMES)])
+    )
+    np.testing.assert_allclose(recording.stamp_s % 60, np.array(_TIMES)[_KEPT], atol=1e-6)  # type: ignore[operator]
+
+
+def test_times_that_contradict_the_numbers_in_names_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"0000000006.bin and 0000000011.bin are 5 intervals apart.* 0\.104 s"):
+        open_recording(missing_scans(tmp_path, _KEPT, [*_TIMES[:20]]))
+    with pytest.raises(RecordingError, match=r"17 times for 20 scans, and not every scan .* has a time"):
+        open_recording(missing_scans(tmp_path, _KEPT, [_TIMES[row] for row in _KEPT[:17]]))
+
+
+def test_gps_records_are_those_of_the_scans_names(tmp_path: Path) -> None:
+    from cosim.drives.kitti.oxts import Oxts, write_oxts
+
+    missing_scans(tmp_path, _KEPT, [*_TIMES])
+    (tmp_path / "oxts/data").mkdir(parents=True)
+    poses = turning(24)
+    for number in range(20):  # as many records as scans, but of others
+        write_oxts(
+            tmp_path / f"oxts/data/{number:010d}.txt", Oxts.from_motion(poses[number], np.zeros(3), 0.0, np.zeros(3))
+        )
+    with pytest.raises(RecordingError, match=r"no record for scan 0000000020 \(4 of 20 scans have none\)"):
+        open_recording(tmp_path)
+    for number in range(20, 24):
+        write_oxts(
+            tmp_path / f"oxts/data/{number:010d}.txt", Oxts.from_motion(poses[number], np.zeros(3), 0.0, np.zeros(3))
+        )
+    np.testing.assert_allclose(open_recording(tmp_path).poses, poses[_KEPT], atol=1e-3)  # type: ignore[arg-type]

@@ -104,4 +104,4 @@ def test_a_folder_of_several_drives_names_them(drive: Path, tmp_path: Path, caps
     for name in ("lidar", "radar"):
         (tmp_path / "set" / name / "training/velodyne").mkdir(parents=True)
     assert main(["stats", str(tmp_path / "set"), "--quiet"]) == 2
-    assert "give one of its folders that hold velodyne/: lidar, radar" in capsys.readouterr().err
+    assert "give one of the drives in it: lidar, radar" in capsys.readouterr().err
