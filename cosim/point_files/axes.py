@@ -1,4 +1,4 @@
-"""Whether coordinates are metres in a right-handed frame with z up, by what the points show.
+"""Check from the points that coordinates are metres in a right-handed frame with z up.
 
 Two independent clues fix the frame of a spinning sensor: the ground lies below it, and its head turns clockwise seen
 from above (Velodyne, Hesai, Ouster and RoboSense do so unless they are configured otherwise).

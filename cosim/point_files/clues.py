@@ -1,4 +1,4 @@
-"""What the points of a scan themselves show: ground, sense of rotation, lasers, firing times.
+"""Properties that the points of a scan show: ground, sense of rotation, lasers, firing times.
 
 Every statistic is robust: it uses quantiles or shares, so that a few wrong rows do not decide.
 """

@@ -1,4 +1,4 @@
-"""What a user may state about point files, where the numbers themselves do not decide."""
+"""Options that state the meaning of point files where the numbers do not show it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How rows of plain numbers without a header are laid out: number of columns, byte order, size of a number.
+"""Layout of rows of numbers without a header: number of columns, byte order, size of a number.
 
 The values of a table repeat their kind with the period of the number of columns: coordinates, intensities and times
 differ in distribution, and neighbouring points are near each other. The rank correlation between a value and the one

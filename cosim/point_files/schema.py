@@ -1,4 +1,4 @@
-"""What the columns of point files mean: roles, units and frame, each checked against a second clue.
+"""Meaning of the columns of point files: roles, units and frame, each checked against independent evidence.
 
 A guess from a column's name or place is kept where the numbers agree with it: laser numbers separate elevations, times
 grow along the order of firing and span a sweep, the ground lies below the sensor. Where they do not, the column is not
@@ -59,7 +59,7 @@ _TINY = 1e-6
 
 @dataclass(frozen=True)
 class PointSchema:
-    """What the columns of one sensor's files mean.
+    """Meaning of the columns of one sensor's files.
 
     Attributes:
         names: name of the column of each role.

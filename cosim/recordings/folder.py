@@ -1,4 +1,4 @@
-"""Where the scans of a folder lie, in which order, and when they were taken."""
+"""Scans of a folder: files, order and times."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class Recording:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the scans."""
+        """Names of the scans."""
         return tuple(source.name for source in self.sources)
 
     @property
@@ -117,7 +117,7 @@ class Recording:
         )
 
     def without_poses(self) -> Recording:
-        """The same scans as if there were no poses."""
+        """Return the recording without its poses."""
         return replace(self, poses=None)
 
 

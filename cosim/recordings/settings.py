@@ -1,4 +1,4 @@
-"""What a user may say of a recording: `recording.yaml` in its folder, or options of the commands."""
+"""Settings of a recording: `recording.yaml` in its folder, or options of the commands."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class RecordingSettings(BaseModel):
 
     @property
     def points(self) -> PointOptions:
-        """What is stated about the point files.
+        """Statements about the point files.
 
         Raises:
             RecordingError: a value that is no list of columns or axes.

@@ -1,4 +1,4 @@
-"""Whether a calibration is recommended: only where the error of untouched scans falls beyond doubt."""
+"""Acceptance of a calibration: recommended only if the error of untouched scans falls significantly."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STRAIGHT_DEG = 5.0  # range of headings
 
 @dataclass(frozen=True)
 class Transfer:
-    """Whether a finding lowers the error of untouched scans.
+    """Change of the error of untouched scans by a finding.
 
     Attributes:
         effect: its name.
@@ -42,7 +42,7 @@ class Transfer:
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What is recommended.
+    """Recommendation.
 
     Attributes:
         is_recommended: whether the calibrated file is better than the one that the calibration began with.
@@ -65,7 +65,7 @@ class Acceptance:
 
 
 def step_transfers(diagnosis: Diagnosis) -> list[Transfer]:
-    """What each finding of a round does to untouched scans on the round's own map.
+    """Change of the error of untouched scans by each finding of a round, on the round's own map.
 
     A finding that moves points stays in any case: what it does shows in the next map, see `accept`.
     """
@@ -138,7 +138,7 @@ def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
 
 
 def path_limits(path: Trajectory) -> list[str]:
-    """What a path does not vary, as predicates of the drive."""
+    """Quantities that a path does not vary, as predicates of the drive."""
     if path.standing:
         return [f"does not move ({path.extent_m:.2f} m)"]
     limits = []

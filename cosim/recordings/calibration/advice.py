@@ -1,4 +1,4 @@
-"""What to record next: for each parameter that a recording leaves undetermined, the drive that determines it best."""
+"""Advice on the next recording: for each undetermined parameter, the drive that determines it best."""
 
 from __future__ import annotations
 

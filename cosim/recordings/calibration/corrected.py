@@ -25,7 +25,7 @@ RESULT = "result.json"
 
 
 def calibration_result(folder: Path) -> dict[str, Any]:
-    """What `cosim calibrate` left in its folder.
+    """Read the result of `cosim calibrate` from its folder.
 
     Raises:
         CosimError: the folder holds no finished calibration.

@@ -1,4 +1,4 @@
-"""How well beam directions are known: angles between directions that independent parts of a recording give.
+"""Accuracy of beam directions: angles between directions estimated from independent parts of a recording.
 
 The metric of NVIDIA NCore: the mean and the largest angle between true and estimated ray; where the truth is not known,
 between two estimates from different scans.

@@ -29,7 +29,7 @@ _CONE = "pattern"
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """What several drives gave.
+    """Results of several drives.
 
     Attributes:
         folder: of everything.

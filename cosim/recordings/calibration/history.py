@@ -54,7 +54,7 @@ def noted(folder: Path, rounds: Sequence[Round]) -> tuple[Tried, ...]:
 
 
 def read_history(folder: Path) -> tuple[Tried, ...]:
-    """What was tried before.
+    """Read the history of earlier attempts.
 
     Raises:
         FormatError: the file is damaged.

@@ -57,7 +57,7 @@ LASERS = "lasers.json"  # what the points show of the pattern, see `FoundPattern
 
 @dataclass(frozen=True, eq=False)
 class SensorCalibration:
-    """What a calibration gave.
+    """Result of a calibration.
 
     Attributes:
         folder: of everything.
@@ -223,7 +223,7 @@ def _directions(
 
 
 def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """What to record next."""
+    """Advice on the next recording."""
     report = diagnosis.to_json()
     fitted = {one["effect"]: one for one in report["effects"]} | dict(diagnosis.refitted)
     systematic = {name: one for name, one in fitted.items() if not issubclass(effect_classes()[name], NoiseEffect)}

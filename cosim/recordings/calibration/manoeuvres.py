@@ -1,4 +1,4 @@
-"""Which drive would determine what a recording left undetermined: expected information of candidate drives.
+"""Expected information of candidate drives about parameters that a recording leaves undetermined.
 
 A candidate is traced in a simple world of rectangles with the sensor's own beams and effects. Slopes of ranges and
 intensities by every parameter are projected on what poses of scans and places and reflectances of surfaces cannot take

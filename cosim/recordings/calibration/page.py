@@ -158,7 +158,7 @@ def _report(calibration: SensorCalibration) -> str:
 
 
 def _transfers(calibration: SensorCalibration) -> str:
-    """Which findings lower the error of untouched scans."""
+    """Section with the findings that lower the error of untouched scans."""
     rows = []
     for one in calibration.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"

@@ -49,7 +49,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Round(Judgement):
-    """What one round gave; paths are relative to the calibration's folder.
+    """Result of one round; paths are relative to the calibration's folder.
 
     Attributes:
         number: from 1.

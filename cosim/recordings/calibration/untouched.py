@@ -84,7 +84,7 @@ def write_scores(file: Path, models: Mapping[str, Scores]) -> None:
 
 
 def read_scores(file: Path) -> dict[str, Scores]:
-    """What `write_scores` kept."""
+    """Read the scores that `write_scores` wrote."""
     scores: dict[str, dict[str, dict[str, np.ndarray]]] = {}
     for key, values in npz_arrays(read_bytes(file)).items():
         model, name, channel = key.split("/")
@@ -93,7 +93,7 @@ def read_scores(file: Path) -> dict[str, Scores]:
 
 
 def change_between(before: Scores, after: Scores) -> Change | None:
-    """How the error changes; None where fewer than three scans can be compared.
+    """Change of the error; None if fewer than three scans can be compared.
 
     The interval is Student's over scans, or over stretches of neighbouring scans where that is wider.
     """
@@ -130,7 +130,7 @@ def _errors(before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]) -
 
 
 def _standard_error(change: np.ndarray, number: np.ndarray) -> float:
-    """Of the mean of changes (n,) of scans with these numbers: over scans, or over stretches where that is larger."""
+    """Standard error of the mean of changes (n,) of scans with these numbers: over scans or stretches, the larger."""
     count, off = len(change), change - change.mean()
     single = np.sqrt(off @ off / (count * (count - 1)))
     stretch = np.cumsum(np.diff(number, prepend=number[0]) > _SAME_STRETCH)

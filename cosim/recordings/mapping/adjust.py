@@ -125,7 +125,7 @@ def adjusted_with_sweep(
     surfels: Surfels,
     cell_m: float,
 ) -> tuple[np.ndarray, float, float]:
-    """As `adjusted`, with what share `scale` of the motion (n, 6) points are to be freed of as one more unknown.
+    """As `adjusted`; the share `scale` of the motion (n, 6) that is removed from the points is a further unknown.
 
     Returns:
         Poses, the share, and its standard error; points of one scan on one surfel count as one.

@@ -19,7 +19,7 @@ _LEAST_PLANES = 0.8  # share of points on planes: 0.85 and more in bare tunnels;
 
 
 def holding(xyz: np.ndarray) -> float:
-    """How firmly a scan is held in the direction in which it is so least, from 0 to 1/3.
+    """Smallest eigenvalue of the information about a scan's position, from 0 to 1/3.
 
     The smallest eigenvalue of the mean of n·nᵀ over points on planes of normals n; 1/3 where a fifth of the points
     lies on none, as corners, cars and poles hold a scan, too.

@@ -1,4 +1,4 @@
-"""What is made of a segment, kept in a file: so a run that was stopped goes on, and memory holds one segment."""
+"""Results of segments in files, so that an interrupted run can be resumed and memory holds one segment only."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Kept:
     make: Make
 
     def file(self, segment: Segment) -> Path:
-        """Of a segment."""
+        """File of a segment."""
         return self.folder / f"{self.stem}_{segment.number:04d}.npz"
 
     def has(self, segment: Segment) -> bool:
@@ -59,7 +59,7 @@ class Kept:
             return False
 
     def read(self, segment: Segment) -> Arrays:
-        """What was made of a segment."""
+        """Read the results of a segment."""
         return npz_arrays(read_bytes(self.file(segment)))
 
     def write(self, segment: Segment, arrays: Arrays) -> None:

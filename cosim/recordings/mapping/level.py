@@ -1,4 +1,4 @@
-"""Which way is up, how the sensor sits on its vehicle, and which surfels are ground."""
+"""Direction of gravity, pose of the sensor on its vehicle, and the surfels of the ground."""
 
 from __future__ import annotations
 

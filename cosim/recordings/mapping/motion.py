@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 
 def scan_times(azimuth_rad: np.ndarray, time_s: np.ndarray | None, sweep_s: float) -> np.ndarray:
-    """When each point was measured (n,) [s] from the pose time, at which the head faces forward.
+    """Time (n,) [s] of each point from the pose time, at which the head faces forward.
 
     Args:
         azimuth_rad: (n,) of the points.

@@ -1,4 +1,4 @@
-"""What moves: surfels that beams passed through while others hit them.
+"""Moving objects: surfels that some beams passed through and others hit.
 
 A vote over beams in range images, as Kim and Kim, Remove, then revert: static point cloud map construction using
 multiresolution range images, IROS 2020: a surfel that lies well in front of everything that was measured about its

@@ -57,7 +57,7 @@ class Prepared:
 
     @property
     def path(self) -> Trajectory:
-        """Of the sensor through the whole recording, in the axes of its first pose."""
+        """Path of the sensor through the whole recording, in the axes of its first pose."""
         if len(self.paths) == 1:
             return self.paths[0]
         poses = together(self.segments, [path.poses for path in self.paths])
@@ -126,7 +126,7 @@ def about(recording: Recording, *things: object) -> str:
 
 
 def report_step(what: str, done: int, segments: tuple[Segment, ...]) -> str:
-    """How far something is."""
+    """Report progress."""
     return what if len(segments) == 1 else f"{what}: {done} of {len(segments)} segments"
 
 

@@ -38,7 +38,7 @@ class Segment:
 
     @property
     def own(self) -> slice:
-        """Of its scans, those that are no other segment's."""
+        """Scans that belong to no other segment."""
         return slice(self.begin - self.first, self.end - self.first)
 
 

@@ -19,7 +19,7 @@ _SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
 
 @dataclass(frozen=True)
 class SurfelSettings:
-    """Which cells are surfaces.
+    """Limits that decide which cells are surfaces.
 
     Attributes:
         cell_m: size of a cell [m].

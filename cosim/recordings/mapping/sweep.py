@@ -1,4 +1,4 @@
-"""Whether points are motion-compensated: how strong the sensor's motion in a sweep is in them, with an interval.
+"""Test of motion compensation: share of the sensor's motion in a sweep that the points contain, with an interval.
 
 Two independent clues. Points of a laser that spins lie on a cone about the sensor's axis as they are measured; what is
 freed of motion leaves it. The strength of the motion is one more unknown besides poses and positions of surfaces:
@@ -35,7 +35,7 @@ Answer = Literal["yes", "no", "cannot be determined"]
 
 @dataclass(frozen=True, eq=False)
 class SweepEstimate:
-    """How strong the sensor's motion in a sweep is in the points.
+    """Share of the sensor's motion in a sweep that the points contain.
 
     Attributes:
         strength: mean of the windows.
@@ -77,7 +77,7 @@ class SweepEstimate:
 
     @property
     def scale(self) -> float:
-        """What points are to be freed of, in motions from scan to scan: 0 where they were, usually 1."""
+        """Motion to remove from the points, in motions from scan to scan: 0 if they are compensated, usually 1."""
         if self.is_compensated == "yes":
             return 0.0
         if self.is_compensated == "cannot be determined":
@@ -104,7 +104,7 @@ class SweepEstimate:
 def sweep_motion(
     recording: Recording, trajectory: Trajectory, lines: np.ndarray, sweep_s: float, settings: SurfelSettings
 ) -> SweepEstimate:
-    """How strong the motion in a sweep is.
+    """Estimate the share of the motion in a sweep that the points contain.
 
     Args:
         recording: scans in order.

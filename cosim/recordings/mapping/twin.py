@@ -33,7 +33,7 @@ from sensors.pattern import Pattern
 
 @dataclass(frozen=True, eq=False)
 class RecordingTwin:
-    """What was made of a recording.
+    """Twin of a recording.
 
     Attributes:
         folder: the drive.
@@ -175,7 +175,7 @@ def write_map_twin(
 
 
 def _maps(prepared: Prepared, kept: Path, effects: Sequence[Effect]) -> Kept:
-    """Where the maps of segments lie, and how one is made."""
+    """Files of the maps of segments, and the function that builds one."""
     known = tuple(one for one in effects if one.name in effect_classes())  # shapes of no known effect move no point
     correction = Correction(prepared.pattern, prepared.found.lasers.lines, prepared.ring_of, known)
     sweep_scale = correction.sweep_scale()

@@ -217,7 +217,7 @@ def _seen(scans: list[Scan]) -> float:
 
 
 def _foreign(which: list[np.ndarray], lasers: int) -> np.ndarray:
-    """How unlike each scan's points are spread over the lasers: total variation against the usual, (scans,), 0 to 1."""
+    """Total variation distance (scans,) of each scan's distribution over the lasers from the usual one, 0 to 1."""
     counts = np.array([np.bincount(row[row >= 0], minlength=lasers) for row in which], float)
     spread = counts / np.maximum(counts.sum(1, keepdims=True), 1)
     return 0.5 * np.abs(spread - np.median(spread, axis=0)).sum(1) if len(which) > 2 else np.zeros(len(which))

@@ -1,4 +1,4 @@
-"""Which lasers a sensor has: the cones that its points lie on, whatever order they come in.
+"""Lasers of a sensor: the cones on which its points lie, in any order of the points.
 
 A laser that spins draws a cone z = z0 + ρ·tan(e) about the sensor's axis: e is its elevation and z0 the height of its
 optical centre. Range noise moves points along the cone and not off it, so they gather on lines in the plane of ρ and z.

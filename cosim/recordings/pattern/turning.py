@@ -1,4 +1,4 @@
-"""How the head turns: azimuth steps, the lasers' sideways fan, and the order in which points come.
+"""Rotation of the head: azimuth steps, azimuth offsets of the lasers, and the order of the points.
 
 Firings on a fixed grid of azimuths show as a line in the spectrum of azimuths (the sum of e^{iNφ} over points is
 greatest where N firings make a turn). A head whose speed wavers has no such grid: its step is the usual distance
@@ -32,7 +32,7 @@ _WIDEST = np.pi / 4  # that a laser may be offset to either side
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """What points say about the turn of the head.
+    """Estimates of the head's rotation from the points.
 
     Attributes:
         firings: azimuth steps a turn.
@@ -54,7 +54,7 @@ class Turning:
 
 
 def find_turning(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, sweep_s: float) -> Turning:
-    """How the head turned.
+    """Estimate the rotation of the head.
 
     Args:
         scans: of the recording.
@@ -119,7 +119,7 @@ def _spectrum(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: int, r
 
 
 def _order(scans: Sequence[Scan], which: Sequence[np.ndarray]) -> tuple[Order, bool | None]:
-    """How points come, and whether the azimuths of a laser fall along the file."""
+    """Order of the points, and whether the azimuths of a laser decrease along the file."""
     same, near, falling = [], [], []
     for scan, row in zip(scans, which, strict=True):
         good = row >= 0

@@ -165,7 +165,7 @@ def _message_class(schema: bytes) -> Any:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Whatever the parsers raise becomes an error with the file's name."""
+    """Convert any exception of the parsers to an error with the file's name."""
     try:
         yield
     except RecordingError:

@@ -1,4 +1,4 @@
-"""Where one scan lies, and how its columns are got."""
+"""Location of one scan, and access to its columns."""
 
 from __future__ import annotations
 
