@@ -52,14 +52,12 @@ class HeldOut:
         by_frame: (f,) error of each frame.
         beams: (f,) number of comparable beams of each frame: its weight.
         floor: error caused by noise only; None if it cannot be estimated.
-        floor_by_frame: (f,) the same of each frame, of aligned errors; None for others.
     """
 
     error: float
     by_frame: np.ndarray
     beams: np.ndarray
     floor: float | None
-    floor_by_frame: np.ndarray | None = None
 
     @property
     def standard_error(self) -> float:
@@ -80,20 +78,8 @@ class HeldOut:
         rise = (after.by_frame - self.by_frame)[used]
         if len(rise) < 2 or rise.mean() <= share * self.by_frame[used].mean():
             return False
-        return _p_positive(rise) <= level
-
-    def exceeds_floor(self, share: float, level: float) -> bool:
-        """Whether the error is significantly higher than the noise floor plus a share of it.
-
-        The test is Student's, one-sided, of the excess of the frames; a single frame is compared without a test.
-        """
-        if self.floor is None or self.error <= (1 + share) * self.floor:
-            return False
-        if self.floor_by_frame is None:
-            return True
-        excess = self.by_frame - (1 + share) * self.floor_by_frame
-        excess = excess[np.isfinite(excess)]
-        return len(excess) < 2 or _p_positive(excess) <= level
+        standard_error = max(float(rise.std(ddof=1)) / np.sqrt(len(rise)), 1e-300)
+        return float(stats.t.sf(rise.mean() / standard_error, len(rise) - 1)) <= level
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,12 +196,7 @@ class Aligned:
             self.measure([removed])
         totals = self._totals[removed]
         by_frame, beams = np.array([total.error for total in totals]), np.array([total.beams for total in totals])
-        error = sum(totals, Totals()).error
-        if removed != ALIGNED:
-            return HeldOut(error, by_frame, beams, None)
-        floors = [NoiseFloor.of([sums]) for sums in self._floor]
-        floor_by_frame = np.array([np.nan if floor is None else floor.error for floor in floors])
-        return HeldOut(error, by_frame, beams, self.floor(), floor_by_frame)
+        return HeldOut(sum(totals, Totals()).error, by_frame, beams, None)
 
     def measure(self, several: Sequence[Removed]) -> None:
         """Compute the errors with several sets of sources removed, in one pass over the frames."""
@@ -371,12 +352,6 @@ class Budget:
     def is_raised(self, share: float, level: float) -> bool:
         """Whether the findings raise the aligned error by more than a share, and significantly."""
         return self.has_findings and self.aligned_steps[0].rises_to(self.aligned_steps[-1], share, level)
-
-
-def _p_positive(values: np.ndarray) -> float:
-    """p-value of Student's one-sided test that the mean of values (n,), n > 1, is not positive."""
-    standard_error = max(float(values.std(ddof=1)) / np.sqrt(len(values)), 1e-300)
-    return float(stats.t.sf(values.mean() / standard_error, len(values) - 1))
 
 
 def budget_of(context: Context, on: FittedFrames, models: Sequence[tuple[Effect, ...]]) -> tuple[Budget, FramePairs]:

@@ -173,8 +173,7 @@ class Comparison:
     def at_floor(self) -> bool:
         """Whether the error equals the noise floor, within 2 % and a thousandth of a scale, and no effect is missing.
 
-        If alignment more than halves the error, the aligned error must not exceed the floor significantly by more than
-        5 %, because fits are never exact.
+        If alignment more than halves the error, the aligned error counts, within 5 %, because fits are never exact.
         """
         if self.budget is not None and self.budget.has_findings:
             return False
@@ -183,7 +182,7 @@ class Comparison:
         return self.floor is not None and self.error <= self.settings.near * self.floor.error + self.settings.negligible
 
     def _is_aligned_at_floor(self, budget: Budget) -> bool:
-        return not budget.aligned_steps[0].exceeds_floor(self.settings.at_floor, self.settings.level)
+        return budget.floor is None or budget.given_aligned <= (1 + self.settings.at_floor) * budget.floor
 
     @property
     def parts(self) -> dict[str, float]:

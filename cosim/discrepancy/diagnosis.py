@@ -190,8 +190,8 @@ class Diagnosis:
 
     @property
     def is_above_floor(self) -> bool:
-        """Whether the final aligned error exceeds the noise floor significantly by more than its tolerance."""
-        return self.budget.aligned_steps[-1].exceeds_floor(self.settings.at_floor, self.settings.level)
+        """Whether the final aligned error exceeds the noise floor by more than its tolerance."""
+        return self.above_floor is not None and self.above_floor > self.settings.at_floor
 
     @property
     def changes(self) -> tuple[ErrorChange, ...]:
@@ -316,11 +316,7 @@ def floor_words(diagnosis: Diagnosis) -> str:
     above = diagnosis.above_floor
     if above is None:
         return ""
-    if diagnosis.is_above_floor:
-        return f"{times(1 + above)} the noise floor"
-    return "at the noise floor" + (
-        f" ({times(1 + above)}, not significant)" if above > diagnosis.settings.at_floor else ""
-    )
+    return f"{times(1 + above)} the noise floor" if diagnosis.is_above_floor else "at the noise floor"
 
 
 def error_words(diagnosis: Diagnosis) -> str:

@@ -143,7 +143,7 @@ def diagnosis(*effects: Finding, aligned: float = 1.03, first: float = 1.2) -> D
     missing = ends[0] - ends[-1]
     parts = {"noise": 1.02, "poses": 2.0, "objects": 0.2, "map": 0.0, "missing": missing, "unexplained": aligned - 1.02}
     steps = tuple(held_out(2.2 + end) for end in ends)
-    aligned_steps = tuple(replace(held_out(end), floor=1.02) for end in ends)
+    aligned_steps = tuple(held_out(end) for end in ends)
     budget = Budget(sum(parts.values()), aligned, ends[0], 1.02, parts, steps, aligned_steps)
     return Diagnosis(
         effects=effects,
