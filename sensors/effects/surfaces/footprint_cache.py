@@ -52,13 +52,13 @@ class FootprintCache:
         return found
 
     def bent(self, radius_rad: float, origin: np.ndarray, direction: np.ndarray, time_s: np.ndarray) -> Surface:
-        """Surfaces that samples of deflected beams (k) hit: the planes of the traced beams.
+        """Surfaces that samples of deflected beams (k) hit: the planes of the traced beams, moved with their objects.
 
         Args:
             radius_rad: of the footprints.
             origin: (k, 3) world axes.
             direction: (k, 3) float32, of the middles.
-            time_s: (k,) instants. Moving objects are traced again for beams at other instants.
+            time_s: (k,) instants. Planes of objects move with the velocity of the point that is hit.
         """
         met = self.met(radius_rad)
         if origin is self._origin or (
@@ -68,7 +68,8 @@ class FootprintCache:
         ):
             return met
         before, after = self._rays(radius_rad), directions_aside(direction, radius_rad).reshape(-1, 3)
-        shift = np.repeat((origin - self._origin).astype(np.float32), SAMPLES, axis=0)
+        shift = np.repeat(origin - self._origin, SAMPLES, axis=0)
+        shift = (shift - self._displacement(met, before, time_s)).astype(np.float32)
         toward, onward, aside = (dot_with_normals(met.normal_code, one) for one in (before, after, shift))
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (met.range_m * toward - aside) / onward
@@ -78,13 +79,22 @@ class FootprintCache:
             "material": met.material,
             "instance": met.instance,
         }
-        late = np.repeat(time_s != self._time_s, SAMPLES) & (met.instance >= 0)
-        if late.any():
-            rows = np.flatnonzero(late)
-            of = rows // SAMPLES
-            anew = self._world.shoot(origin[of], after[rows], time_s[of], self._limit_m)
-            columns = _with_rows(columns, rows, anew)
         return Surface(**columns)
+
+    def _displacement(self, met: Surface, direction: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Displacement (4 · k, 3) [m] of the points that samples hit since they were traced, to first order in time."""
+        later_s = np.repeat(time_s - self._time_s, SAMPLES).astype(np.float64)
+        displacement = np.zeros((len(later_s), 3))
+        rows = np.flatnonzero((met.instance >= 0) & (later_s != 0))
+        if not len(rows):
+            return displacement
+        instances, of = self._world.instances, met.instance[rows]
+        point = self._origin[rows // SAMPLES] + direction[rows] * met.range_m[rows, None]
+        arm = point - instances.poses[of, :3, 3]
+        turn = np.column_stack([-arm[:, 1], arm[:, 0], np.zeros(len(rows))])
+        velocity = instances.velocity_mps[of] + instances.yaw_rate_radps[of, None] * turn
+        displacement[rows] = velocity * later_s[rows, None]
+        return displacement
 
     def _traced(self, radius_rad: float, index: int) -> Surface:
         """Surfaces at a radius between known ones: by new rays where these do not agree."""

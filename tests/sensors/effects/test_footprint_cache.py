@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from sensors.effects.surfaces.footprint import directions_aside
 from sensors.effects.surfaces.footprint_cache import FootprintCache
 from sensors.rays import Rays
 from sensors.shot import Shot
@@ -64,7 +65,7 @@ def test_beams_that_stand_a_little_aside_meet_the_same_faces(whole):
     assert differing(bent, FootprintCache(requested, beam).met(RADIUS_RAD), atol_m=0.03) < 0.03
 
 
-def test_what_moves_is_traced_again_where_beams_leave_later(whole):
+def test_surfaces_of_objects_move_with_them_if_beams_leave_later(whole):
     shot, beam = some_of(whole)
     traced = whole.traced
     origin, direction = traced.origin[shot.rows], traced.direction[shot.rows]
@@ -74,6 +75,24 @@ def test_what_moves_is_traced_again_where_beams_leave_later(whole):
     on_cars = met.instance >= 0
     assert on_cars.any() and not np.allclose(later.range_m[on_cars], met.range_m[on_cars], atol=0.1)
     np.testing.assert_allclose(later.range_m[~on_cars], met.range_m[~on_cars], rtol=1e-4)
+    anew = whole.world.shoot(
+        np.repeat(origin, 4, axis=0), directions_aside(direction, RADIUS_RAD).reshape(-1, 3), np.repeat(time_s, 4),
+        whole.pattern.range_m[1],
+    )  # fmt: skip
+    same = on_cars & (anew.normal_code == met.normal_code).all(1) & (anew.instance == met.instance)
+    assert same.sum() > 0.5 * on_cars.sum()
+    np.testing.assert_allclose(later.range_m[same], anew.range_m[same], atol=0.03)
+
+
+def test_beams_that_leave_hardly_later_meet_the_same_surfaces(whole):
+    """Also where they are assumed to meet the surface of another beam."""
+    shot, beam = some_of(whole)
+    traced = whole.traced
+    origin, direction = traced.origin[shot.rows], np.roll(traced.direction, 3, axis=0)[shot.rows]
+    time_s = np.broadcast_to(traced.time_s, len(whole.rays))[shot.rows]
+    known = FootprintCache(shot, beam)
+    now, later = (known.bent(RADIUS_RAD, origin, direction, time_s + dt) for dt in (np.float32(0), np.float32(1e-7)))
+    np.testing.assert_allclose(later.range_m, now.range_m, atol=1e-3)
 
 
 def test_single_rays_meet_what_the_revolution_met(whole):
