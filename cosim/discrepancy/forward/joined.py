@@ -47,13 +47,14 @@ class SampleReplay:
             except (NeedsOneFrameError, SensorError):
                 self._frame_by_frame.add(types)
         parts = [part.expect(effects) for part in self.frames]
+        arrays = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("along_m", "above_m", "spurious_per_m", "split")
+        }
         return Expected(
             _joined([part.of for part in parts]),
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in ("along_m", "above_m", "spurious_per_m", "split")
-            ),
-            lambda: np.concatenate([part.log_odds_by_reflectance() for part in parts]),
+            **arrays,
+            log_odds_by_reflectance=lambda: np.concatenate([part.log_odds_by_reflectance() for part in parts]),
         )
 
     @cached_property
