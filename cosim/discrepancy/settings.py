@@ -84,7 +84,7 @@ class LikelihoodConstants:
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, with and without return
-    neither_tolerance: float = 1e-5  # convergence tolerance of these shares
+    neither_tolerance: float = 1e-5  # minimum of these shares, and their convergence tolerance
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
     own_at_seams: float = 0.5  # probability that an intensity is from the beam's own surface next to another material

@@ -54,7 +54,7 @@ def test_true_noise_scores_better_than_none_too_little_or_too_much(tmp_path: Pat
 
     def error(sigma_m: float) -> float:
         effects = (effect(noise, sigma_m=sigma_m),) if sigma_m else ()
-        return compare(yard.drive, SensorModel(PATTERN, effects, "stated")).totals.parts()["range"]
+        return compare(yard.drive, SensorModel(PATTERN, effects, "stated"), budget=False).totals.parts()["range"]
 
     right = error(0.02)
     assert right < min(error(0.0), error(0.005), error(0.06))
@@ -66,10 +66,12 @@ def test_true_noise_scores_better_than_none_too_little_or_too_much(tmp_path: Pat
 def test_the_noise_floor_is_the_error_of_the_true_model(tmp_path: Path) -> None:
     noise = (effect("range_noise", sigma_m=0.02), effect("intensity_noise", sigma_rel=0.1))
     yard = make_yard(tmp_path, noise)
-    right = compare(yard.drive, SensorModel(PATTERN, noise, "true"))
+    right = compare(yard.drive, SensorModel(PATTERN, noise, "true"), budget=False)
     assert right.floor is not None
     assert right.error == pytest.approx(right.floor.error, rel=0.05)
-    wrong = compare(yard.drive, SensorModel(PATTERN, (*noise, effect("range_bias", offset_m=0.05)), "wrong"))
+    wrong = compare(
+        yard.drive, SensorModel(PATTERN, (*noise, effect("range_bias", offset_m=0.05)), "wrong"), budget=False
+    )
     assert wrong.floor is not None
     assert wrong.floor.error == pytest.approx(right.floor.error, rel=0.1)
     assert wrong.error > 1.5 * wrong.floor.error
@@ -78,9 +80,9 @@ def test_the_noise_floor_is_the_error_of_the_true_model(tmp_path: Path) -> None:
 def test_lost_returns_are_drops_and_their_chance_is_scored(tmp_path: Path) -> None:
     lossy = effect("random_dropout", probability=0.2)
     yard = make_yard(tmp_path, (lossy,))
-    surprised = compare(yard.drive, yard.sensor).totals
+    surprised = compare(yard.drive, yard.sensor, budget=False).totals
     assert surprised.dropped / (surprised.dropped + surprised.matched) == pytest.approx(0.2, abs=0.02)
-    foreseen = compare(yard.drive, SensorModel(PATTERN, (lossy,), "lossy")).totals
+    foreseen = compare(yard.drive, SensorModel(PATTERN, (lossy,), "lossy"), budget=False).totals
     share = (surprised.dropped + surprised.matched) / surprised.beams
     # Brier: p where all returns were promised, p(1 − p) where the chance was known.
     assert surprised.parts()["drop"] == pytest.approx(0.2 * share, rel=0.1)
@@ -95,7 +97,7 @@ def test_what_no_surface_gave_is_spurious(tmp_path: Path) -> None:
         return points
 
     yard = make_yard(tmp_path, change=nearer)
-    found = compare(yard.drive, yard.sensor)
+    found = compare(yard.drive, yard.sensor, budget=False)
     assert 35 <= found.to_json()["channels"]["spurious"]["per_frame"] <= 50
     assert abs(found.totals.signed) / found.totals.matched < 1e-3
 
@@ -107,7 +109,7 @@ def test_points_that_are_no_numbers_are_left_out_and_counted(tmp_path: Path) -> 
         return points
 
     yard = make_yard(tmp_path, frames=2, change=spoilt)
-    found = compare(yard.drive, yard.sensor)
+    found = compare(yard.drive, yard.sensor, budget=False)
     assert found.totals.bad == 14
     assert any("14 points with NaN" in note for note in found.notes)
     assert np.isfinite(found.error)
@@ -115,7 +117,7 @@ def test_points_that_are_no_numbers_are_left_out_and_counted(tmp_path: Path) -> 
 
 def test_a_drive_without_intensities_leaves_that_channel_out_and_says_so(tmp_path: Path) -> None:
     yard = make_yard(tmp_path, (effect("range_bias", offset_m=0.02),), columns=3)
-    found = compare(yard.drive, yard.sensor)
+    found = compare(yard.drive, yard.sensor, budget=False)
     assert "intensity" not in found.to_json()["channels"]
     assert any("no intensities" in note for note in found.notes)
     parts = found.totals.parts()
@@ -164,7 +166,7 @@ def test_the_floor_of_drops_knows_that_chances_differ(tmp_path: Path) -> None:
     """Where dim returns are lost more often than bright ones, neighbours of unlike chance differ for a known reason."""
     soft = (effect("detection_threshold", threshold=0.2, softness=0.05), effect("incidence_falloff", exponent=0.6))
     yard = make_yard(tmp_path, soft, frames=4)
-    found = compare(yard.drive, SensorModel(PATTERN, soft, "true"))
+    found = compare(yard.drive, SensorModel(PATTERN, soft, "true"), budget=False)
     assert found.floor is not None
     assert found.totals.parts()["drop"] > 0.02
     assert found.floor.parts["drop"] == pytest.approx(found.totals.parts()["drop"], rel=0.12)
@@ -175,7 +177,7 @@ def test_a_drive_in_bytes_has_the_figures_of_the_same_drive_in_shares(tmp_path: 
     byte = np.array([1, 1, 1, 255], np.float32)
     shares = make_yard(tmp_path / "shares", noise)
     in_bytes = make_yard(tmp_path / "bytes", noise, change=lambda points: points * byte)
-    one, other = (compare(yard.drive, SensorModel(PATTERN, noise, "true")) for yard in (shares, in_bytes))
+    one, other = (compare(yard.drive, SensorModel(PATTERN, noise, "true"), budget=False) for yard in (shares, in_bytes))
     assert other.error == pytest.approx(one.error, rel=1e-5)
     for name, values in one.to_json()["channels"].items():
         assert other.to_json()["channels"][name] == pytest.approx(values, rel=1e-5, abs=1e-7)
