@@ -5,7 +5,7 @@ Frames are scored with the random effects of poses, objects and map removed in t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -121,9 +121,14 @@ class FramePairs:
     def __len__(self) -> int:
         return len(self.after)
 
-    def pairs(self) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
-        """Iterate over frames before and after, with random effects removed (`before_removed` in `before`)."""
-        yield from zip(self.before.each(self.before_removed), self.after.each(), strict=True)
+    def pairs(self, numbers: Iterable[int] | None = None) -> Iterator[tuple[AlignedFrame, AlignedFrame]]:
+        """Iterate over frames before and after, with random effects removed (`before_removed` in `before`).
+
+        Args:
+            numbers: numbers of the frames; all by default.
+        """
+        for number in range(len(self)) if numbers is None else numbers:
+            yield self.before.frame(number, self.before_removed), self.after.frame(number)
 
 
 class Aligned:
@@ -167,6 +172,7 @@ class Aligned:
         self._tolerance = edge_tolerance(self._random, self._estimate)
         self._totals: dict[Removed, list[Totals]] = {}
         self._floor: list[dict[str, tuple[float, int]]] = []
+        self._last: _Scan | None = None
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -219,15 +225,14 @@ class Aligned:
         floor = NoiseFloor.of(self._floor)
         return None if floor is None else floor.error
 
-    def each(self, removed: Removed = ALIGNED) -> Iterator[AlignedFrame]:
-        """Iterate over the frames, with the random effects of some sources removed."""
-        for scan in self._scans():
-            frame, wide = scan.frame, scan.wide
-            mixed = frame.border | frame.seam if wide is None else frame.border | frame.seam | wide
-            whole = scan.whole
-            yield AlignedFrame(
-                frame, scan.scores(removed), scan.expected(removed), whole.random.sample, whole.expected, mixed
-            )
+    def frame(self, number: int, removed: Removed = ALIGNED) -> AlignedFrame:
+        """Prediction and scores of one frame, with the random effects of some sources removed."""
+        scan = self._scan(number)
+        frame, wide, whole = scan.frame, scan.wide, scan.whole
+        mixed = frame.border | frame.seam if wide is None else frame.border | frame.seam | wide
+        return AlignedFrame(
+            frame, scan.scores(removed), scan.expected(removed), whole.random.sample, whole.expected, mixed
+        )
 
     def scores(self) -> Iterator[FrameScores]:
         """Iterate over the scores of the frames, aligned."""
@@ -235,8 +240,13 @@ class Aligned:
             yield scan.scores(ALIGNED)
 
     def _scans(self) -> Iterator[_Scan]:
-        for number, frame in enumerate(self._frames):
-            yield _Scan(
+        yield from map(self._scan, range(len(self)))
+
+    def _scan(self, number: int) -> _Scan:
+        """One frame; the last one requested is kept, because before and after are often the same."""
+        if self._last is None or self._last.number != number:
+            frame = self._frames[number]
+            self._last = _Scan(
                 number=number,
                 frame=frame,
                 effects=self._effects,
@@ -245,6 +255,7 @@ class Aligned:
                 estimate=self._estimate,
                 wide=frame.near_uncertain_edges(*self._tolerance) if any(self._tolerance) else None,
             )
+        return self._last
 
 
 @dataclass(frozen=True, eq=False)

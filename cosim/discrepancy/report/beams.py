@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,19 +148,18 @@ class BeamResiduals:
         for number, (before, after) in enumerate(frame_pairs.pairs()):
             parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
             errors.append(Totals.of(before.frame, before.scores).error)
-        kept = _choose_scans(errors, shown)
-        scans = [_scan(before, after) for number, (before, after) in enumerate(frame_pairs.pairs()) if number in kept]
+        scans = [_scan(before, after) for before, after in frame_pairs.pairs(_choose_scans(errors, shown))]
         scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
         same = frame_pairs.before is frame_pairs.after and frame_pairs.before_removed == ALIGNED
         return cls(_concatenate(parts), tuple(scans), same)
 
 
-def _choose_scans(errors: Sequence[float], count: int) -> Collection[int]:
+def _choose_scans(errors: Sequence[float], count: int) -> list[int]:
     """Numbers of the worst frame and of other, evenly spaced frames; NaN errors count as 0."""
     worst = int(np.argmax(np.nan_to_num(np.array(errors))))
     spread = np.unique(np.linspace(0, len(errors) - 1, max(count, 1)).round().astype(int)).tolist()
     others = [number for number in spread if number != worst]
-    return {worst, *others[: count - 1]}
+    return sorted([worst, *others[: count - 1]])
 
 
 def residuals_of(aligned: AlignedFrame) -> dict[str, np.ndarray]:
