@@ -264,9 +264,14 @@ class Fitter:
         estimate: Estimate,
         blur: float = 0.0,
         dependences: tuple[Dependence, ...] = (),
+        before: _State | None = None,
     ) -> _State:
-        with np.errstate(over="ignore", invalid="ignore"):  # trial values may be unphysical; they are then rejected
-            bare = self.sample.predict(effects)
+        """State at given values; the prediction of `before` is used if its effects are the same."""
+        if before is not None and before.effects == effects:
+            bare = before.bare
+        else:
+            with np.errstate(over="ignore", invalid="ignore"):  # trial values may be unphysical; then they are rejected
+                bare = self.sample.predict(effects)
         prediction = apply_changes(self.sample, bare, changes_of(dependences)) if dependences else bare
         return _State(effects, dependences, estimate, bare, prediction, self.residuals(prediction, estimate, blur))
 
@@ -383,7 +388,7 @@ class Fitter:
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
                 terms = _step_dependences(state.dependences, fraction * change_c)
                 candidates = [
-                    self._state(apply_step(state.effects, free, fraction * mask * step), moved, blur, terms)
+                    self._state(apply_step(state.effects, free, fraction * mask * step), moved, blur, terms, state)
                     for mask in masks
                 ]
                 trial = max(
@@ -441,7 +446,7 @@ class Fitter:
                 start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
                 dependence = replace(dependence, coefficients=start)
             dependences.append(dependence)
-        return self._state(state.effects, state.estimate, blur, tuple(dependences))
+        return self._state(state.effects, state.estimate, blur, tuple(dependences), state)
 
     def _optimise_albedo(self, state: _State, blur: float, other: Estimate | None = None) -> _State:
         """Choose the most likely albedo of each map surface from trial values; everything else is fixed.
