@@ -40,7 +40,6 @@ class Removed:
 
 
 AS_GIVEN, ALIGNED = Removed(()), Removed(PARTS, uncertain_edges=True)
-_Moved = tuple[np.ndarray | float, np.ndarray | float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,13 +280,23 @@ class _Scan:
 
     def scores(self, removed: Removed) -> FrameScores:
         """Scores with the random effects of some sources removed."""
-        shift, gain = self._shifts(removed.parts)
+        shift, gain = self.whole.shifts(removed.parts) if removed.parts else (0.0, 1.0)
         return scored(self.frame, self.members, shift, gain, self.wide if removed.uncertain_edges else None)
 
     def expected(self, removed: Removed) -> Expectation:
         """Expectation of the beams, adjusted by the random effects of some sources."""
-        expectation, (shift, gain) = self._expectation, self._shifts(removed.parts)
-        return replace(expectation, range_m=expectation.range_m + shift, intensity=expectation.intensity * gain)
+        expectation = self._expectation
+        if not removed.parts:
+            return expectation
+        shift, gain = self.whole.shifts(removed.parts)
+        moved = self.whole.moved(removed.parts)
+        return replace(
+            expectation,
+            range_m=expectation.range_m + shift,
+            intensity=expectation.intensity * gain,
+            seen=moved.seen,
+            silent=moved.silent,
+        )
 
     @cached_property
     def whole(self) -> _Whole:
@@ -300,10 +309,6 @@ class _Scan:
     def _expectation(self) -> Expectation:
         frame = self.frame
         return expect(self.effects, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
-
-    def _shifts(self, parts: tuple[str, ...]) -> _Moved:
-        """(n,) shift of predicted ranges [m] and factor on intensities."""
-        return self.whole.shifts(parts) if parts else (0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,10 +326,14 @@ class _Whole:
         own = RandomEffects(sample, has_poses=has_poses)
         return cls(own, own.transferred(random, estimate, scan), expected)
 
+    def moved(self, parts: Sequence[str]) -> Prediction:
+        """Prediction with the random effects of some sources applied."""
+        u = np.where(self.random.of_part(parts), self.estimate.u, 0.0)
+        return self.random.adjusted(self.expected, Estimate(u, self.estimate.variance))
+
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Effect of the random effects of some sources: (n,) shift of ranges [m] and factor on intensities."""
-        u = np.where(self.random.of_part(parts), self.estimate.u, 0.0)
-        moved = self.random.adjusted(self.expected, Estimate(u, self.estimate.variance))
+        moved = self.moved(parts)
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
         return np.nan_to_num(moved.range_m - self.expected.range_m), gain

@@ -101,7 +101,7 @@ def estimate_floor(
     outcome = (~np.isnan(scores.measured_m)).astype(float)
     # Independent outcomes with probability p differ with probability 2p(1 − p), twice the Brier score of the forecast
     # p. With probabilities p and q, (p − q)² is added.
-    excess = np.abs(np.diff(outcome)) - np.diff(expected.seen) ** 2
+    excess = np.abs(np.diff(outcome)) - np.diff(expected.silent) ** 2
     sums["drop"] = (max(float(excess[neighbours.pair].sum()), 0.0) / 2, int(neighbours.pair.sum()))
     sums["spurious"] = scores.foreseen, int((~scores.ambiguous).sum())
     return sums

@@ -159,6 +159,10 @@ class EchoEffect(Effect):
         changed = self.apply(returns, shot, np.random.default_rng(0))
         return changed, np.ones(len(changed))
 
+    def elsewhere(self, shot: Shot) -> np.ndarray | float:
+        """Return the probability (n,) of each beam that another surface answers: the integral of `density`."""
+        return 0.0
+
 
 class DetectionEffect(EchoEffect):
     """Removes returns at random, independently."""

@@ -37,6 +37,7 @@ class Expectation:
         intensity_sigma: (n,) its standard deviation.
         seen: (n,) probability that the surface's return is reported; 0 where none can.
         silent: (n,) probability that nothing is reported at all.
+        elsewhere: (n,) probability that another part of the footprint, or a mirrored surface, is reported instead.
     """
 
     range_m: np.ndarray
@@ -45,6 +46,7 @@ class Expectation:
     intensity_sigma: np.ndarray
     seen: np.ndarray
     silent: np.ndarray
+    elsewhere: np.ndarray
 
 
 def expect(
@@ -67,7 +69,7 @@ def expect(
     if reflectance_factor != 1:
         factor = np.float32(reflectance_factor)
         returns = replace(returns, intensity=returns.intensity * factor, reflectance=returns.reflectance * factor)
-    seen, silent = np.ones(beams), None
+    seen, elsewhere, silent = np.ones(beams), np.zeros(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     noise = np.zeros((2, beams))  # the part of the variances that noise effects added
     more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))
@@ -83,6 +85,13 @@ def expect(
             first = returns.return_no == 0
             if not first.all():
                 returns, chance = returns.take(first), chance[first]
+            with blamed(effect, ""):
+                others = effect.elsewhere(shot)
+            check_values(effect, "elsewhere", others, beams, 0.0)
+            if np.any(others):
+                elsewhere += seen * others
+            else:  # what is not detected of a surface is not detected of others either
+                elsewhere[returns.beam] *= chance
             seen[returns.beam] *= chance
         elif isinstance(effect, NoiseEffect):
             before = np.stack([range_variance, intensity_variance])
@@ -112,18 +121,20 @@ def expect(
             range_variance[returns.beam] += spread[0]
             intensity_variance[returns.beam] += spread[1]
         elif isinstance(effect, ScanEffect):
-            silent = 1 - _answering(seen, returns) if silent is None else silent
+            silent = _silent(seen, returns, elsewhere) if silent is None else silent
             with blamed(effect, ""):
                 kept = effect.survival(returns, shot)
             check_values(effect, "survival", kept, len(returns), 0.0)
             if type(effect).density is Effect.density:  # takes returns away and puts nothing in their place
-                silent[returns.beam] += seen[returns.beam] * (1 - kept)
+                silent[returns.beam] += (seen + elsewhere)[returns.beam] * (1 - kept)
             else:
                 with blamed(effect, ""):
                     quiet = effect.silence(shot)
                 check_values(effect, "silence", quiet, beams, 0.0)
                 silent *= quiet
             seen[returns.beam] *= kept
+            elsewhere[returns.beam] *= kept
+    silent = _silent(seen, returns, elsewhere) if silent is None else silent
     seen = _answering(seen, returns)
     mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
     mean_range[returns.beam] = returns.range_m
@@ -134,7 +145,8 @@ def expect(
         intensity=mean_intensity,
         intensity_sigma=np.sqrt(intensity_variance),
         seen=seen,
-        silent=1 - seen if silent is None else silent,
+        silent=silent,
+        elsewhere=elsewhere,
     )
 
 
@@ -158,6 +170,11 @@ def _answer(effect: EchoEffect, returns: Returns, shot: Shot) -> tuple[Returns, 
         check_returns(effect, returns, changed, shot, "")
     check_values(effect, "kept", chance, len(changed), 0.0)
     return changed, chance
+
+
+def _silent(seen: np.ndarray, returns: Returns, elsewhere: np.ndarray) -> np.ndarray:
+    """Chances (n,) that neither the surface nor another one is reported."""
+    return np.maximum(1 - _answering(seen, returns) - elsewhere, 0)
 
 
 def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:

@@ -96,7 +96,8 @@ class Residuals:
         bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.
         whole: bool, intensities that are practically never censored.
         seen: probability of a return from the surface, clipped away from 0 and 1.
-        expected_seen: the same without clipping.
+        silent: probability that nothing is reported, clipped away from 0 and 1.
+        expected_seen, expected_silent: both without clipping.
         loglik: log-likelihood of each beam, in its first row.
         outcome: part of `loglik` from range and return only; 0 for beams that are not compared.
     """
@@ -113,7 +114,9 @@ class Residuals:
     bright: np.ndarray
     whole: np.ndarray
     seen: np.ndarray
+    silent: np.ndarray
     expected_seen: np.ndarray
+    expected_silent: np.ndarray
     loglik: np.ndarray
     outcome: np.ndarray
 
@@ -134,14 +137,18 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     seen = np.where(np.isfinite(mean), np.clip(expected.seen, constants.lost_share, 1 - constants.lost_share), 0.0)
     kept = 1 - expected.spurious_share
     seen = np.where(sample.compared, seen, 0.0)
-    expected_seen = np.where(seen > 0, kept * expected.seen, 0.0)
+    expected_seen, expected_silent = (
+        np.where(seen > 0, kept * chance, 0.0) for chance in (expected.seen, expected.silent)
+    )
     # `seen` is not capped at 1 here: a beam with a return may be certain to have one.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, constants.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
     # Near edges returns from fog etc. are confounded with unknown surfaces: condition on the absence of such returns.
     # Where the model makes them certain, returns and losses of the surface are equally likely.
     silent = np.maximum(expected.silent, constants.lost_share)
-    untouched = np.where(sample.edge, np.maximum(expected.seen, constants.lost_share) + silent, 1.0)
+    untouched = np.where(
+        sample.edge, np.maximum(expected.seen, constants.lost_share) + silent + expected.elsewhere, 1.0
+    )
     elsewhere = constants.least_spurious_share / constants.reach_m + np.where(
         sample.edge, expected.split, expected.spurious_per_m
     )
@@ -178,7 +185,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         matched * own_share,
         is_uncensored,
         seen,
+        np.clip(silent, constants.lost_share, 1 - constants.lost_share),
         expected_seen,
+        expected_silent,
         loglik,
         loglik_of_outcome,
     )

@@ -54,25 +54,26 @@ class Evidence:
         matched, returned = weight * residuals.matched, weight * sample.returned
         range_z, range_sigma = residuals.range_z / wider[0], residuals.range_sigma_m * wider[0]
         rise_z, rise_sigma = residuals.rise_z / wider[1], np.hypot(constants.rise_sigma_m, rise_blur) * wider[1]
-        variance = residuals.seen * (1 - residuals.seen)
-        possible = variance > 0
+        seen, silent = residuals.expected_seen, residuals.expected_silent
+        possible = residuals.seen > 0
         pair = np.maximum(sample.partner, 0)
         paired = weight * residuals.matched * residuals.matched[pair] * (sample.partner >= 0)
         range_gap = (residuals.range_z - residuals.range_z[pair]) / np.sqrt(2)
         intensity_gap = (residuals.intensity_z - residuals.intensity_z[pair]) / np.sqrt(2)
         is_lost = residuals.met * ~sample.returned[sample.own]
-        binary = np.where(possible, weight / np.where(possible, variance, 1), 0.0)
+        # The outcome is a return of the surface or nothing; other returns say nothing about how often it is lost.
+        binary = np.where(possible, weight / np.where(possible, residuals.seen * residuals.silent, 1), 0.0)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * student_score(range_z) / range_sigma,
             "rise": returned * student_score(rise_z) / rise_sigma,
             "range_variance": paired * _spread_excess(range_gap, constants),
-            "drop": binary * ((1 - residuals.expected_seen) * residuals.matched - residuals.expected_seen * is_lost),
+            "drop": binary * (silent * residuals.matched - seen * is_lost),
         }
         information: dict[Quantity, np.ndarray] = {
             "range": matched * MEAN_INFORMATION / range_sigma**2,
             "rise": returned * MEAN_INFORMATION / rise_sigma**2,
             "range_variance": paired * _SPREAD_INFORMATION,
-            "drop": binary * residuals.met,
+            "drop": binary * residuals.met * (seen + silent),
         }
         if sample.has_intensity:
             bright = weight * residuals.bright

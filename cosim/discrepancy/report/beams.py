@@ -175,7 +175,7 @@ def residuals_of(aligned: AlignedFrame) -> dict[str, np.ndarray]:
     residuals = {
         "range": np.where(scores.matched, range_m, np.nan),
         "intensity": np.where(has_intensity, intensity, np.nan),
-        "drop": np.where(clear & hits.solid.exists, returned - expected.seen, np.nan),
+        "drop": np.where(clear & hits.solid.exists, returned - (1 - expected.silent), np.nan),
         "spurious": np.where(clear, scores.spurious - scores.spurious_probability, np.nan),
         "range_variance": _excess(range_m, expected.range_sigma_m, scores.matched),
         "intensity_variance": _excess(intensity, expected.intensity_sigma, has_intensity),

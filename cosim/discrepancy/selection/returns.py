@@ -118,11 +118,16 @@ def expected_losses(linearisation: Linearisation, group: Group) -> np.ndarray:
 
 
 def _trials(linearisation: Linearisation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Predicted probability of a return, weighted number of returns, and of returns and losses together (n,) each."""
+    """Predicted probability of a return, weighted number of returns, and of returns and losses together (n,) each.
+
+    Returns of other surfaces are neither; the probability is that of a return if there is none of these.
+    """
     score, information = (
         values["drop"] for values in (linearisation.evidence.score, linearisation.evidence.information)
     )
     least = linearisation.sample.settings.likelihood.lost_share
-    p = np.clip(linearisation.adjusted.seen, least, 1 - least)
-    trials = information * p * (1 - p)
-    return p, np.clip(score * p * (1 - p) + p * trials, 0, trials), trials
+    seen, silent = (
+        np.clip(values, least, 1 - least) for values in (linearisation.adjusted.seen, linearisation.adjusted.silent)
+    )
+    p, trials = seen / (seen + silent), information * seen * silent
+    return p, np.clip(score * seen * silent / (seen + silent) + p * trials, 0, trials), trials

@@ -76,6 +76,10 @@ class BeamDivergence(EchoEffect):
         ranges, split = self._parts(shot)
         return elsewhere(ranges[beam], split[beam], range_m, self._pulse_m)
 
+    def elsewhere(self, shot: Shot) -> np.ndarray | float:
+        """Return the probability (n,) that another part of the footprint answers than its samples say."""
+        return CHANCE * self._parts(shot)[1] if self._is_replayed(shot) else 0.0
+
     def _is_replayed(self, shot: Shot) -> bool:
         return self.divergence_mrad > 0 and shot.whole is not None and shot.rows is not None
 

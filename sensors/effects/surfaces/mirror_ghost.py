@@ -47,6 +47,10 @@ class MirrorGhost(EchoEffect):
         """Return all returns, and their probabilities of not being mirrored."""
         return returns, 1 - self.strength * np.isin(returns.beam, self._images(shot).beam)
 
+    def elsewhere(self, shot: Shot) -> np.ndarray | float:
+        """Return the probability (n,) of an answer of the mirrored scene."""
+        return self.strength * np.isin(np.arange(len(shot.rays)), self._images(shot).beam)
+
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
         """Return the density of ranges of the mirrored scene."""
         images = self._images(shot)

@@ -98,6 +98,24 @@ def test_scores_are_slopes_of_the_likelihood(view: FittedFrames, channel: str) -
     np.testing.assert_allclose(sign * slope[clean], score[clean], rtol=2e-3, atol=2e-3 * np.abs(score[clean]).max())
 
 
+def test_returns_of_other_surfaces_say_nothing_about_losses(view: FittedFrames) -> None:
+    """The score of the probability of a return is 0 on average, also where other parts of the footprint may return."""
+    inside, share = _inside_bounds(view), 0.1
+    expected = replace(inside, seen=inside.seen * (1 - share), elsewhere=np.full(len(inside.seen), share))
+    sample = view.fitter.sample
+    returned = replace(sample, along_m=expected.range_m)
+    lost = replace(sample, along_m=np.full(len(sample), np.nan))
+    other = replace(sample, along_m=expected.range_m - 5.0)
+    returned, lost, other = (
+        Evidence.of(one, residuals_of(one, expected)).score["drop"] for one in (returned, lost, other)
+    )
+    alone = sample.compared & ~sample.edge & np.isfinite(expected.range_m)
+    mean = expected.seen * returned + expected.silent * lost + expected.elsewhere * other
+    assert alone.sum() > 1000
+    assert np.abs(lost[alone]).min() > 1
+    np.testing.assert_allclose(mean[alone], 0, atol=2e-3)
+
+
 def _inside_bounds(view: FittedFrames) -> Prediction:
     """What is expected, every beam with some chance of not returning."""
     expected = view.fitted.prediction

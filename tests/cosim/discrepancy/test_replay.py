@@ -21,7 +21,7 @@ def one_by_one(replay: SampleReplay, effects: tuple[Effect, ...]) -> Expected:
     parts = [SampleReplay([one]).expect(effects) for one in replay.frames]
     columns = {
         name: np.concatenate([getattr(part.of, name) for part in parts])
-        for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent")
+        for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent", "elsewhere")
     }
     rest = (
         np.concatenate([getattr(part, name) for part in parts])
@@ -42,7 +42,7 @@ def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) ->
     if any(np.ndim(value) for value in kind.example.values()):
         pytest.skip("its example is for another number of lasers")
     found, expected = replay.expect(effects), one_by_one(replay, effects)
-    for part in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent"):
+    for part in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent", "elsewhere"):
         np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-5, err_msg=part)
     for part in ("along_m", "above_m", "spurious_per_m", "split"):
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)

@@ -80,7 +80,7 @@ def check_file_against_class(curve: Curve, folder: Path) -> None:
     shots = traced((written,)), traced((made,))
     assert is_same(measured((written,), shots[0]), measured((made,), shots[1]))
     first, second = expected((written,), shots[0]), expected((made,), shots[1])
-    for one in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent"):
+    for one in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent", "elsewhere"):
         np.testing.assert_array_equal(getattr(first, one), getattr(second, one))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from assets.shapes import box
+from sensors.effects.expectation import expect
 from sensors.effects.surfaces.split_echoes import CHANCE, elsewhere, is_split
 from sensors.scene import Scene
 from sensors.shot import Shot
@@ -48,3 +49,6 @@ def test_a_post_between_the_samples_may_answer() -> None:
     there = wide.density(rows, np.full(len(rows), range_m), again)
     assert meets.sum() > 10 and there[meets].min() > 0.01
     assert not there[np.abs(whole.rays.azimuth - azimuth) > 0.01].any()
+    expected = expect((wide,), again)
+    np.testing.assert_allclose(expected.silent[meets], 1 - CHANCE)
+    np.testing.assert_allclose(expected.seen + expected.silent + expected.elsewhere, 1)
