@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.point_files import Columns
 from cosim.recordings.libraries import needed
-from cosim.recordings.reading.source import Source
+from cosim.recordings.reading.source import Source, capture_sources
 from cosim.recordings.scan import RecordingError
 
 
@@ -20,10 +20,16 @@ def ouster_sources(path: Path) -> tuple[Source, ...]:
     Raises:
         RecordingError: the SDK is absent, there are no metadata, several sensors, or no scan.
     """
+    return capture_sources(path, _scans, _columns)
+
+
+def _scans(path: Path) -> Iterator[tuple[float, Any]]:
+    """Time stamps [s] and scans of the SDK, in order."""
     sdk = needed("ouster.sdk", f"{path.name} (Ouster)")
     try:
-        opened = sdk.open_source(str(path))
-        stamps = [_stamp_s(_only(path, frames)) for frames in opened]
+        for frames in sdk.open_source(str(path)):
+            frame = _only(path, frames)
+            yield _stamp_s(frame), frame
     except RecordingError:
         raise
     except Exception as error:  # noqa: BLE001 - the SDK raises whatever it meets
@@ -32,35 +38,6 @@ def ouster_sources(path: Path) -> tuple[Source, ...]:
             f"{path}: Ouster's SDK cannot read it ({reason}); its metadata file NAME.json must be in the same folder. "
             "Packets of other sensors than Velodyne's are to be played through their driver, and its clouds recorded"
         ) from None
-    if not stamps:
-        raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")
-    capture = _Capture(path)
-    return tuple(
-        Source(f"{number:06d}", partial(capture.columns, number), stamp) for number, stamp in enumerate(stamps)
-    )
-
-
-class _Capture:
-    """Reads scans by number, going forward."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._frames: Any = None
-        self._next = 0
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"_path": self._path, "_frames": None, "_next": 0}
-
-    def columns(self, number: int) -> Columns:
-        """The columns of one scan, its lasers numbered from the top."""
-        if self._frames is None or number < self._next:
-            sdk = needed("ouster.sdk", f"{self._path.name} (Ouster)")
-            self._frames, self._next = iter(sdk.open_source(str(self._path))), 0
-        for frames in self._frames:
-            self._next += 1
-            if self._next > number:
-                return _columns(_only(self._path, frames))
-        raise RecordingError(f"{self._path}: ends before scan {number}")
 
 
 def _only(path: Path, frames: Any) -> Any:
@@ -76,6 +53,7 @@ def _stamp_s(frame: Any) -> float:
 
 
 def _columns(frame: Any) -> Columns:
+    """Columns of one scan, its lasers numbered from the top."""
     core = needed("ouster.sdk.core", "an Ouster capture")
     xyz = np.asarray(core.XYZLut(frame.sensor_info)(frame), np.float64)  # (h, w, 3), a column a firing
     rows, firings = xyz.shape[:2]

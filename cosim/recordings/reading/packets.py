@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from typing import Any
 from cosim.point_files import Columns
 from cosim.recordings.libraries import needed
 from cosim.recordings.reading.ouster import ouster_sources
-from cosim.recordings.reading.source import Source
+from cosim.recordings.reading.source import Source, capture_sources
 from cosim.recordings.scan import RecordingError
 
 PACKET_SUFFIXES = (".pcap", ".pcapng", ".osf")
@@ -43,7 +42,7 @@ def packet_sources(path: Path) -> tuple[Source, ...]:
         raise RecordingError(
             f"{path}: packets of a {vendor} sensor, which cannot be read here; play them through {_CONVERTERS[vendor]}"
         )
-    return _velodyne_sources(path) if vendor == "Velodyne" else ouster_sources(path)
+    return capture_sources(path, _velodyne_scans, _velodyne_columns) if vendor == "Velodyne" else ouster_sources(path)
 
 
 def _vendor(path: Path) -> str | None:
@@ -81,42 +80,19 @@ def _vendor_of(payload: bytes) -> str | None:
     return "RoboSense" if payload[:4] in _ROBOSENSE else None
 
 
-def _velodyne_sources(path: Path) -> tuple[Source, ...]:
+def _velodyne_scans(path: Path) -> Iterator[tuple[float, Any]]:
+    """Time stamps [s] and points of the scans of a capture, in order."""
     decoder = needed("velodyne_decoder", f"{path.name} (Velodyne)")
     try:
-        stamps = [float(stamp.host) for stamp, _ in decoder.read_pcap(str(path), as_pcl_structs=True)]
+        for stamp, points in decoder.read_pcap(str(path), as_pcl_structs=True):
+            yield float(stamp.host), points
     except Exception as error:  # noqa: BLE001 - the decoder raises whatever it meets
         reason = " ".join(str(error).split())[:200]
         raise RecordingError(
             f"{path}: velodyne-decoder cannot read it ({reason}); copy it again, save it as .pcap (editcap -F pcap), "
             "or play it through Velodyne's driver and record its PointCloud2"
         ) from None
-    if not stamps:
-        raise RecordingError(f"{path}: no whole scan in it; record longer than a revolution")
-    capture = _VelodyneCapture(path)
-    return tuple(
-        Source(f"{number:06d}", partial(capture.columns, number), stamp) for number, stamp in enumerate(stamps)
-    )
 
 
-class _VelodyneCapture:
-    """Reads scans by number, going forward."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._scans: Any = None
-        self._next = 0
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"_path": self._path, "_scans": None, "_next": 0}
-
-    def columns(self, number: int) -> Columns:
-        """The columns of one scan."""
-        if self._scans is None or number < self._next:
-            decoder = needed("velodyne_decoder", f"{self._path.name} (Velodyne)")
-            self._scans, self._next = decoder.read_pcap(str(self._path), as_pcl_structs=True), 0
-        for _, points in self._scans:
-            self._next += 1
-            if self._next > number:
-                return {name: points[name] for name in points.dtype.names}
-        raise RecordingError(f"{self._path}: ends before scan {number}")
+def _velodyne_columns(points: Any) -> Columns:
+    return {name: points[name] for name in points.dtype.names}
