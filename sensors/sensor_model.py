@@ -91,7 +91,7 @@ class SensorModel:
         if new:
             raise SensorError(f"sensor {self.origin}: {', '.join(new)} cannot be made from stored hits; trace again")
         shot = Shot(self.pattern, hits.rays, traced=Traced(hits), camera=camera, frame_time_s=frame_time_s)
-        return self.answer(shot, rng), shot
+        return self.returns_of(shot, rng), shot
 
     def trace_and_measure(
         self,
@@ -133,7 +133,7 @@ class SensorModel:
         """The returns that `trace_and_measure` converts to points, with the beam of each."""
         given = _given(rng)
         shot = self.trace(scene, pose, instances, ego, deepcopy(given), camera, frame_time_s)
-        return self.answer(shot, given), shot
+        return self.returns_of(shot, given), shot
 
     def trace(
         self,
@@ -147,7 +147,7 @@ class SensorModel:
     ) -> Shot:
         """One revolution of its true beams at a pose time, before anything is measured.
 
-        Sensors that differ in other than their pattern and beam effects may `answer` from the same shot.
+        Sensors that differ in other than their pattern and beam effects may get their `returns_of` the same shot.
         """
         world = World(scene, pose, instances, ego, self.pattern.range_m, self._tracers)
         streams = Streams(_given(rng))
@@ -164,7 +164,7 @@ class SensorModel:
             frame_time_s=frame_time_s,
         )
 
-    def answer(
+    def returns_of(
         self, shot: Shot, rng: np.random.Generator | None = None, memo: dict[tuple[str, ...], Returns] | None = None
     ) -> Returns:
         """Returns of a traced revolution.

@@ -98,7 +98,7 @@ class _FrameWork:
         if key not in self._clouds:
             shot = self._shot(sensor)
             memo = self._memos.setdefault(id(shot), {})
-            returns = sensor.answer(shot, self._source.rng(self._frame.name), memo)
+            returns = sensor.returns_of(shot, self._source.rng(self._frame.name), memo)
             self._clouds[key] = points_of(returns, shot).in_file_order()
         return self._clouds[key]
 

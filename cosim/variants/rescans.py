@@ -54,7 +54,7 @@ def rescans(
                 trace_rng, pose = measuring_rng(seed, name, drive.lidar), lidar_pose(twin)
                 camera = view_of_frame(frame, frame.calibration, pose)
                 shots[key] = sensor.trace(scenes.of(frame), pose, instances, ego, trace_rng, camera, twin.time_s)
-            scans.append(points_of(sensor.answer(shots[key], rng), shots[key]).kitti)
+            scans.append(points_of(sensor.returns_of(shots[key], rng), shots[key]).kitti)
         yield frame, scans
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.candidates import Unknown, with_values
+from cosim.discrepancy.candidates import Unknown
 from cosim.discrepancy.inference.dependence import (
     Dependence,
     apply_changes,
@@ -20,10 +20,10 @@ from cosim.discrepancy.inference.dependence import (
     channel_slopes,
     spurious_densities,
 )
+from cosim.discrepancy.inference.derivatives import Derivatives
 from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.parameters import (
-    DerivativeCache,
     Free,
     apply_step,
     deviations,
@@ -32,10 +32,10 @@ from cosim.discrepancy.inference.parameters import (
     updated_prior_precisions,
 )
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.inference.score import Column, Evidence, Quantity, change, dispersion
+from cosim.discrepancy.inference.score import Column, Evidence, Quantity, dispersion
 from cosim.discrepancy.inference.search import is_searched, search_parameters
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import BeamEffect, Effect, NoiseEffect, ScanEffect
+from sensors.effects.base import Effect, NoiseEffect, ScanEffect
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Fitter:
         self.sample, self.settings = sample, sample.settings
         self.random = RandomEffects(sample)
         self.rings = int(sample.ring.max(initial=0)) + 1
-        self._slopes = DerivativeCache()
+        self._derivatives = Derivatives(sample)
 
     def fit(
         self,
@@ -195,39 +195,6 @@ class Fitter:
             for column in slopes
         )
 
-    def slopes(
-        self, effects: tuple[Effect, ...], free: Sequence[Free], at: Prediction, *, simplified: bool = False
-    ) -> tuple[Column, ...]:
-        """Derivatives of the effects' prediction with respect to each free parameter.
-
-        Cached derivatives are reused if no parameter has moved by more than its step size since they were computed;
-        with `simplified` also those of a model without the last effects.
-        """
-        cached = self._slopes.columns(effects, free, simplified=simplified)
-        for parameter in free:
-            if parameter not in cached:
-                cached[parameter] = self._slope(effects, parameter, at)
-        return tuple(cached[parameter] for parameter in free)
-
-    def _slope(self, effects: tuple[Effect, ...], parameter: Free, at: Prediction) -> Column:
-        """Derivative with respect to one free parameter by a finite difference."""
-        effect, unknown = effects[parameter.effect], parameter.unknown
-        value = np.asarray(getattr(effect, unknown.name), float)
-        step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
-        after, before = self._predict_changed(effects, parameter, value + step), at
-        if isinstance(effect, BeamEffect) and np.all(np.clip(value - step, unknown.low, unknown.high) == value - step):
-            # Ranges of ground at grazing incidence are nonlinear in beam angles: use central differences.
-            before, step = self._predict_changed(effects, parameter, value - step), 2 * step
-        delta: dict[Quantity, np.ndarray] = {
-            name: values / step for name, values in change(before, after, self.settings.likelihood).items()
-        }
-        return Column(delta, self.sample.ring if unknown.rings > 1 else None, unknown.rings)
-
-    def _predict_changed(self, effects: tuple[Effect, ...], parameter: Free, value: np.ndarray) -> Prediction:
-        """Predict with another value of one parameter."""
-        moved = with_values(effects[parameter.effect], {parameter.unknown.name: value})
-        return self.sample.predict((*effects[: parameter.effect], moved, *effects[parameter.effect + 1 :]))
-
     def system(self, fitted: Fitted) -> LinearModel:
         """Linearise the mixed model at a fit; the stated σ are scaled by the measured dispersion."""
         wider = dispersion(self.sample, fitted.residuals)
@@ -279,7 +246,7 @@ class Fitter:
         self, state: _State, free: tuple[Free, ...], slopes: Sequence[Column] | None = None
     ) -> tuple[Column, ...]:
         """Derivatives of the adjusted prediction with respect to free parameters, then coefficients of dependences."""
-        slopes = self.slopes(state.effects, free, state.bare) if slopes is None else slopes
+        slopes = self._derivatives.of(state.effects, free, state.bare) if slopes is None else slopes
         columns: list[Column] = list(self.adjusted_slopes(slopes, state.prediction, state.estimate))
         if state.dependences:
             factors = self.random.prediction_jacobian(state.prediction, state.estimate)
@@ -316,7 +283,9 @@ class Fitter:
 
     def _search(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
         """Maximise the likelihood over the parameters it is not differentiable in, such as hard limits."""
-        columns = self.adjusted_slopes(self.slopes(state.effects, free, state.bare), state.prediction, state.estimate)
+        columns = self.adjusted_slopes(
+            self._derivatives.of(state.effects, free, state.bare), state.prediction, state.estimate
+        )
         searched_parameters = [
             (parameter.effect, parameter.unknown, column)
             for parameter, column in zip(free, columns, strict=True)
@@ -373,7 +342,10 @@ class Fitter:
                 initialised = self.random.initialise_variances(state.estimate, state.prediction, evidence)
                 state = replace(state, estimate=initialised)
             if reference is None or has_moved(reference, state.effects, free):
-                reference, slopes = state.effects, self.slopes(state.effects, free, state.bare, simplified=simplified)
+                reference, slopes = (
+                    state.effects,
+                    self._derivatives.of(state.effects, free, state.bare, simplified=simplified),
+                )
             columns = self._columns(state, free, slopes)
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))

@@ -1,4 +1,4 @@
-"""Fitted parameters of effects as one vector: selection, steps, priors of per-laser lists, cached derivatives."""
+"""Fitted parameters of effects as one vector: selection, steps, priors of per-laser lists."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
-from cosim.discrepancy.inference.score import Column
 from sensors.effects.base import Effect, RoundingEffect
-
-_CACHED_MODELS = 4  # number of models whose derivatives are cached
 
 
 @dataclass(frozen=True)
@@ -25,68 +22,6 @@ class Free:
 
     effect: int
     unknown: Unknown
-
-
-@dataclass(frozen=True, eq=False)
-class _CachedDerivatives:
-    """Derivatives of one model.
-
-    Attributes:
-        effects: effects at whose parameters the derivatives were computed.
-        columns: derivative of the prediction for each free parameter.
-        is_exact: whether all were computed with all effects.
-    """
-
-    effects: tuple[Effect, ...]
-    columns: dict[Free, Column]
-    is_exact: bool
-
-
-class DerivativeCache:
-    """Cache of the derivatives with respect to effect parameters, and of the parameter values they belong to."""
-
-    def __init__(self) -> None:
-        self._entries: list[_CachedDerivatives] = []
-
-    def columns(self, effects: tuple[Effect, ...], free: Sequence[Free], *, simplified: bool) -> dict[Free, Column]:
-        """Return the cached derivatives that are valid near these effects; entries added to the result are cached.
-
-        Args:
-            effects: effects of the model.
-            free: free parameters of the model.
-            simplified: whether derivatives of a model without the last effects are accepted.
-        """
-        for entry in self._entries:
-            if (entry.is_exact or simplified) and _is_near(entry.effects, effects, free):
-                return entry.columns
-        entry = _CachedDerivatives(effects, {}, is_exact=True)
-        for smaller in self._entries if simplified else ():
-            size = len(smaller.effects)
-            if _is_near(smaller.effects, effects[:size], [parameter for parameter in free if parameter.effect < size]):
-                entry = _CachedDerivatives(effects, dict(smaller.columns), is_exact=False)
-                break
-        self._entries = [entry, *self._entries[: _CACHED_MODELS - 1]]
-        return entry.columns
-
-
-def _is_near(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
-    """Whether two models differ only in values of free parameters, and by less than the step of each."""
-    return _differ_only_in(reference, effects, free) and not has_moved(reference, effects, free)
-
-
-def _differ_only_in(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: Sequence[Free]) -> bool:
-    """Whether two models differ only in the values of free parameters."""
-    if len(reference) != len(effects):
-        return False
-    names: dict[int, set[str]] = {}
-    for parameter in free:
-        names.setdefault(parameter.effect, set()).add(parameter.unknown.name)
-    for index, (old, new) in enumerate(zip(reference, effects, strict=True)):
-        if type(old) is not type(new):
-            return False
-        if old != new and old.model_dump(exclude=names.get(index)) != new.model_dump(exclude=names.get(index)):
-            return False
-    return True
 
 
 def all_free(effects: Sequence[Effect], indices: Sequence[int], rings: int) -> tuple[Free, ...]:

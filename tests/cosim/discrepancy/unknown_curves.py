@@ -130,7 +130,7 @@ def _nominal() -> Shot:
 
 def measured(effects: tuple[Effect, ...], shot: Shot, seed: int = 0) -> Returns:
     """Returns of a traced street by a noisy sensor with effects."""
-    return sensor_of(effects).answer(shot, np.random.default_rng(seed))
+    return sensor_of(effects).returns_of(shot, np.random.default_rng(seed))
 
 
 def expected(effects: tuple[Effect, ...], shot: Shot) -> Expectation:

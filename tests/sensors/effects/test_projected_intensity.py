@@ -35,7 +35,7 @@ def measured(camera, scene=WALL, placed=None, seed=0, **parameters):
     hits = Tracer(PATTERN.rays(), PATTERN.range_m).trace(scene, np.eye(4), placed)
     shot = Shot(PATTERN, hits.rays, traced=Traced(hits), camera=camera)
     model = sensor(effect("projected_intensity", **parameters))
-    return model.answer(shot, np.random.default_rng(seed)), shot
+    return model.returns_of(shot, np.random.default_rng(seed)), shot
 
 
 def head_on(returns, shot):
