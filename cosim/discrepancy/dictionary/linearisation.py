@@ -99,9 +99,11 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     wider = dispersion(sample, residuals)
     evidence_of_sample = Evidence.of(sample, residuals, wider=wider)
     score, information = dict(evidence_of_sample.score), dict(evidence_of_sample.information)
-    # Losses next to the sky are confounded with the position of the edge.
-    score["drop"] = np.where(sample.beside_sky, 0.0, score["drop"])
-    information["drop"] = np.where(sample.beside_sky, 0.0, information["drop"])
+    # Losses at edges are confounded with the position of the edge next to the sky, and where the signal decides: it
+    # depends on the share of the footprint that the surface fills.
+    confounded = sample.beside_sky | (sample.edge & (adjusted.log_odds_by_reflectance() != 0))
+    score["drop"] = np.where(confounded, 0.0, score["drop"])
+    information["drop"] = np.where(confounded, 0.0, information["drop"])
     if sample.has_intensity:
         _score_intensity_variance(sample, residuals, adjusted, score, information)
     bent = any(dependence.channel in ANGLES for dependence in fitted.dependences)
