@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.unknown.families import MOST_POWER
 from cosim.discrepancy.unknown.terms import Term
 from sensors.effects import channels, object_errors, shared_errors
 from sensors.effects.base import Effect, number
@@ -67,7 +68,7 @@ def effect_class(unknown: UnknownEffect | Curve) -> type[Effect]:
         units = unknown.parameter_units
         for name, value in unknown.parameters.items():
             space["__annotations__"][name] = float
-            space[name] = number(DESCRIPTIONS[name], unit=units[name], ge=lower_bound(name, value))
+            space[name] = number(DESCRIPTIONS[name], unit=units[name], **bounds(name, value))
         space["error"] = _error_function(unknown.terms, tuple(unknown.parameters))
     make_class: Any = type(base)
     return make_class(unknown.class_name, (base,), space)
@@ -119,9 +120,11 @@ def _rounded(name: str, value: float) -> float:
     return float(f"{value:.6g}") if name not in POSITIONS else round(value, 9)
 
 
-def lower_bound(name: str, value: float) -> float | None:
-    """Return the lower bound of a parameter; None where it has none."""
-    return float(f"{min(1e-6, value / 100):.1g}") if name in POSITIVE and value > 0 else None
+def bounds(name: str, value: float) -> dict[str, float]:
+    """Return the bounds of a parameter, `ge` and `le`, where it has any."""
+    if name == "power":
+        return {"ge": -MOST_POWER, "le": MOST_POWER}
+    return {"ge": float(f"{min(1e-6, value / 100):.1g}")} if name in POSITIVE and value > 0 else {}
 
 
 def _error_function(terms: tuple[Term, ...], names: tuple[str, ...]) -> Any:

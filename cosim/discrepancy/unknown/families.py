@@ -10,6 +10,7 @@ import numpy as np
 from sensors.effects.covariates import wrapped
 
 Parameters = dict[str, float]
+MOST_POWER = 10.0  # largest exponent of a power; higher ones imitate steps and overflow outside the fitted range
 
 
 @dataclass(frozen=True)

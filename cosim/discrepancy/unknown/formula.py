@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import optimize
 
-from cosim.discrepancy.unknown.families import FAMILIES, Family, Parameters
+from cosim.discrepancy.unknown.families import FAMILIES, MOST_POWER, Family, Parameters
 from sensors.effects.covariates import wrapped
 
 
@@ -235,7 +235,8 @@ def _refined(
 
     def rest(parts: np.ndarray) -> float:
         shape = moved(parts)
-        if any(shape[name] <= 0 for name in ("width", "length") if name in shape):
+        is_imitation = abs(shape.get("power", 0.0)) > MOST_POWER
+        if is_imitation or any(shape[name] <= 0 for name in ("width", "length") if name in shape):
             return np.inf
         with np.errstate(all="ignore"):
             left = _residual(family.function(x, **shape)[None], y, weight, is_levelled)[0]

@@ -6,7 +6,7 @@ import textwrap
 
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
-from cosim.discrepancy.unknown.effect_class import DESCRIPTIONS, base_of, class_attributes, equation, lower_bound
+from cosim.discrepancy.unknown.effect_class import DESCRIPTIONS, base_of, bounds, class_attributes, equation
 from cosim.discrepancy.unknown.formula import Formula, number_code
 from cosim.discrepancy.unknown.terms import Wave
 from sensors.effects.covariates import COVARIATES
@@ -188,8 +188,7 @@ def _assignment(name: str, code: str) -> list[str]:
 
 
 def _bound(name: str, value: float) -> str:
-    low = lower_bound(name, value)
-    return "" if low is None else f", ge={low:g}"
+    return "".join(f", {side}={bound:g}" for side, bound in bounds(name, value).items())
 
 
 def _short(text: str | None) -> str:

@@ -194,3 +194,12 @@ def test_the_command_shows_an_unknown_effect(tmp_path: Path, capsys: pytest.Capt
     (tmp_path / "found.py").write_text(effect_source(unknown), encoding="utf-8")
     assert main(["effects", f"{tmp_path}/found.py:{unknown.class_name}"]) == 0
     assert "length: length over which it falls to 1/e [at least 1e-06 m]" in capsys.readouterr().out
+
+
+def test_a_settling_error_late_in_a_drive_is_a_decay_not_a_huge_power() -> None:
+    time_s = np.linspace(63.1, 73.0, 12)
+    noise = 0.002 * np.random.default_rng(4).normal(size=len(time_s))
+    settling = 0.02 - 0.05 * np.exp(-(time_s - 63.1) / 3.4) + noise
+    formula = best_formula(time_s, settling, np.full(len(time_s), 0.002))
+    assert formula.family == "decay"
+    assert formula.values["length"] == pytest.approx(3.4, rel=0.15)
