@@ -60,8 +60,7 @@ def net_origin(net: Path) -> Origin:
             except ValueError:
                 raise TownError(
                     f"{net}: junction {junction.get('id')!r} has x {junction.get('x')!r}, y {junction.get('y')!r}; "
-                    f"make the "
-                    "network again with netconvert"
+                    "make the network again with netconvert"
                 ) from None
     return find_origin(np.array(places, float).reshape(-1, 2))
 

@@ -46,14 +46,12 @@ def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> 
         depth = abs(ground.z * fitting[0]) if ground else 0.0
         notes.append(
             f"coordinates are in {_UNITS_M[fitting[0]]}: the median range is {median * fitting[0]:.1f} m and the "
-            f"ground "
-            f"{depth:.1f} m below"
+            f"ground {depth:.1f} m below"
         )
         return fitting[0]
     raise PointFileError(
         f"{source}: the median range is {median:.4g}; in metres no scan reaches so far, and the ground is not seen at "
-        f"a "
-        "plausible depth in cm or mm; state the unit with --metres, as 0.001"
+        "a plausible depth in cm or mm; state the unit with --metres, as 0.001"
     )
 
 
@@ -80,21 +78,17 @@ def check_axes(clouds: Sequence[np.ndarray], times: Sequence[np.ndarray | None],
     if z > 0:
         raise PointFileError(
             f"{source}: {share:.0%} of the near points lie in a layer {z:.1f} m above the sensor and none beyond, so "
-            f"the z "
-            "axis points down to the ground; state the axes: --axes x,-y,-z (x forward, y right, z down), or --axes "
-            "x,y,-z where only z is mirrored, or --axes x,y,z where this is right"
+            "the z axis points down to the ground; state the axes: --axes x,-y,-z (x forward, y right, z down), or "
+            "--axes x,y,-z where only z is mirrored, or --axes x,y,z where this is right"
         )
     senses = [sense_of_rotation(cloud, time) for cloud, time in zip(clouds, times, strict=True)]
     known = [sense for sense in senses if sense is not None]
     if known and 2 * sum(sense > 0 for sense in known) > len(known):
         raise PointFileError(
             f"{source}: the ground is {abs(z):.1f} m below, so z points up, but azimuths increase in firing order: "
-            f"either "
-            "y points to the right (a left-handed frame, the scan is mirrored), or the head turns counter-clockwise "
-            "seen "
-            "from above, which spinning sensors do not by default; settle it with --flip-y (y is mirrored; `flip_y: "
-            "true` in drive.yaml or recording.yaml) or --axes "
-            "x,y,z (it is right)"
+            "either y points to the right (a left-handed frame, the scan is mirrored), or the head turns "
+            "counter-clockwise seen from above, which spinning sensors do not by default; settle it with --flip-y (y "
+            "is mirrored; `flip_y: true` in drive.yaml or recording.yaml) or --axes x,y,z (it is right)"
         )
     return bool(known)
 

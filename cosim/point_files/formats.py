@@ -16,11 +16,11 @@ import numpy as np
 
 from cosim.drives.files import read_bytes
 from cosim.errors import CosimError
+from cosim.point_files.cloud import Columns
 from cosim.point_files.options import PointOptions
 from cosim.point_files.pcd import read_pcd
 from cosim.point_files.raw import RowLayout, find_row_layout
 from cosim.point_files.scan import PointFileError
-from cosim.point_files.schema import Columns
 
 _RAW = (".pcd.bin", ".bin")
 _SAMPLES = 5  # files used to infer the layout

@@ -93,8 +93,7 @@ def find_row_layout(samples: Sequence[bytes], source: str, columns: int | None =
         raise PointFileError(
             f"{source}: {sizes} bytes are no rows of {known} {np.dtype(kind).name}, not a multiple of 12 or "
             f"{4 * (columns or 4)}: the file is cut off (truncated) or no scan: copy it again, or choose the scans "
-            f"with "
-            "--scans"
+            "with --scans"
         )
     found = {width: _correlation(filled, width, kind) for width in fitting}
     best = max(found.values())

@@ -59,8 +59,7 @@ def without_image_rules(has_points: bool) -> str:
     by = f" and holds {_FEWEST_POINTS} points or more" if has_points else ""
     return (
         "labels or detections have no boxes in the image: 3D and bird's-eye view are scored without the image rules; "
-        "an "
-        f"object counts where its height at its distance is tall enough in KITTI's camera{by}"
+        f"an object counts where its height at its distance is tall enough in KITTI's camera{by}"
     )
 
 

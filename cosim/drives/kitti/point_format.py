@@ -89,8 +89,7 @@ def drive_options(info: Mapping[str, Any], where: Path) -> tuple[PointOptions, i
     if columns is not None and not isinstance(columns, str):
         raise DriveError(
             f"{where}: columns is {info['columns']!r}; give a number, 4 (x y z intensity) or 3 (x y z), or their "
-            f"names, as "
-            "[x, y, z, intensity, _]"
+            "names, as [x, y, z, intensity, _]"
         )
     scale, metres = (info.get(key) for key in ("intensity_scale", "metres"))
     for key, value in (("intensity_scale", scale), ("metres", metres)):

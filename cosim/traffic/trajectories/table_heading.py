@@ -58,8 +58,7 @@ def infer_heading(
     if not fitting or fitting[best] < _ALONG:
         raise TrajectoryError(
             f"{source}: {name} is the direction of travel in no reading (mean cosine with the way: {report}); state it "
-            f"in "
-            f"{source}.yaml, as `heading: degrees from east`, or `heading: unused`"
+            f"in {source}.yaml, as `heading: degrees from east`, or `heading: unused`"
         )
     usual = (declared or best[0], "east")
     if usual in fitting and fitting[usual] > fitting[best] - _BETTER and (declared or fitting[usual] == fitting[best]):
@@ -67,8 +66,7 @@ def infer_heading(
     if declared is not None and best[0] != declared:
         raise TrajectoryError(
             f"{source}: {name} is in {_angle(declared)} by its name, but along the way in {_angle(best[0])} (mean "
-            f"cosine "
-            f"with the way: {report}); state it in {source}.yaml, as `heading: {_angle(best[0])} from {best[1]}`"
+            f"cosine with the way: {report}); state it in {source}.yaml, as `heading: {_angle(best[0])} from {best[1]}`"
         )
     notes.append(f"{name} is in {_angle(best[0])} from {best[1]}: along the way (mean cosine {fitting[best]:.3f})")
     return best[0], best[1], True

@@ -131,9 +131,8 @@ def _length_unit(
     if not low <= usual <= high and usual > 9.5 and low <= usual * 0.3048 <= high:
         raise TrajectoryError(
             f"{source}: {name} has a median of {usual:.3g}: in metres half of the road users are longer than a lorry, "
-            f"in "
-            f"feet they are as long as cars; state the unit of lengths and positions in {source}.yaml, as "
-            "`metres: 0.3048` or `metres: 1`"
+            f"in feet they are as long as cars; state the unit of lengths and positions in {source}.yaml, as `metres: "
+            "0.3048` or `metres: 1`"
         )
     return unit
 

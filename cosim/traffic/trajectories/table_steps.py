@@ -139,6 +139,5 @@ def check_velocity_direction(table: TableColumns, columns: dict[str, str], steps
     if float(np.median(cosine)) < _ALONG:
         notes.append(
             f"{columns['vx']}, {columns['vy']} are not along the way of x, y (median cosine {np.median(cosine):.2f}): "
-            f"only "
-            "their size is used"
+            "only their size is used"
         )

@@ -145,8 +145,7 @@ def _check_counter(table: TableColumns, reading: _Reading, source: str) -> None:
         raise TrajectoryError(
             f"{source}: {reading.column} holds whole numbers; as seconds, 95 % of road users are slower than "
             f"{reading.fast_mps:.2g} m/s, as frames of 0.04 s they reach {reading.fast_mps * 25:.2g} m/s, and no "
-            f"speeds in "
-            f"the table decide; state the unit in {source}.yaml, as `time_unit_s: 0.04` or `time_unit_s: 1`"
+            f"speeds in the table decide; state the unit in {source}.yaml, as `time_unit_s: 0.04` or `time_unit_s: 1`"
         )
 
 
@@ -159,8 +158,7 @@ def _check_epoch(table: TableColumns, reading: _Reading, source: str) -> None:
         return
     raise TrajectoryError(
         f"{source}: steps and speeds say that {reading.describe()}; but stamps of {typical:.3g} are {_UNITS_S[other]} "
-        f"since 1970; "
-        f"state the unit in {source}.yaml, as `time_unit_s: {reading.unit_s:g}`"
+        f"since 1970; state the unit in {source}.yaml, as `time_unit_s: {reading.unit_s:g}`"
     )
 
 
@@ -195,8 +193,7 @@ def _counted(
         if measured is not None and abs(np.log(measured * documented)) > _LOOSELY:
             raise TrajectoryError(
                 f"{source}: {name} counts tenths of a second in Argoverse 2, but by the speeds in the table a frame "
-                f"lasts "
-                f"{measured:.4g} s; state it in {source}.yaml, as `frame_rate_hz: {1 / measured:.3g}`"
+                f"lasts {measured:.4g} s; state it in {source}.yaml, as `frame_rate_hz: {1 / measured:.3g}`"
             )
         notes.append(f"time is {name} at {documented:g} Hz, as Argoverse 2 documents it")
         return name, 1 / documented, unit
@@ -208,9 +205,8 @@ def _counted(
     if not snapped or not _STEP_S[0] <= interval * float(np.median(steps.dt)) <= _STEP_S[1]:
         raise TrajectoryError(
             f"{source}: by the speeds in the table one step of {name} lasts {interval:.3g} s, which is no ordinary "
-            f"rate of "
-            f"recording; "
-            f"state it in {source}.yaml, as `frame_rate_hz: 25`, or `speed_unit_mps: 0.27778` where speeds are km/h"
+            f"rate of recording; state it in {source}.yaml, as `frame_rate_hz: 25`, or `speed_unit_mps: 0.27778` where "
+            "speeds are km/h"
         )
     notes.append(f"time is {name} at {1 / interval:.4g} Hz, by how far road users move at the speeds stated")
     return name, interval, unit
@@ -235,8 +231,7 @@ def _contradiction(
         unit = others[0] if others else 0.04
         return TrajectoryError(
             f"{source}: no reading of the time is plausible ({report}); samples lie {_STEP_S[0]:g} to {_STEP_S[1]:g} s "
-            f"apart "
-            f"and traffic is slower than {_FASTEST_MPS:g} m/s; {remedy}state the unit in {source}.yaml, as "
+            f"apart and traffic is slower than {_FASTEST_MPS:g} m/s; {remedy}state the unit in {source}.yaml, as "
             f"`time_unit_s: {unit:g}`"
         )
     ratio = plausible[0].ratio
