@@ -90,7 +90,7 @@ def _verdict(comparison: Comparison, command: str) -> str:
     run = fill('<p class="next">To identify what is missing: <code>{}</code></p>', command)
     if comparison.floor is None:
         return fill(
-            '<p class="verdict">Error {:.3g}; the noise floor cannot be determined.</p>{}', comparison.error, run
+            '<p class="verdict">Error {:#.3g}; the noise floor cannot be determined.</p>{}', comparison.error, run
         )
     is_aligned = comparison.error_aligned is not None and comparison.error > 2 * comparison.error_aligned
     floor = comparison.budget.floor if comparison.budget and comparison.budget.floor else comparison.floor.error
@@ -100,21 +100,21 @@ def _verdict(comparison: Comparison, command: str) -> str:
         error = comparison.error_aligned if is_aligned and comparison.error_aligned is not None else comparison.error
         subject = "With poses, objects and map aligned the error is" if is_aligned else "The error is"
         verdict = fill(
-            '<span class="good">At the noise floor.</span> {} {:.3g}, of a correct model {:.3g}: these '
+            '<span class="good">At the noise floor.</span> {} {:#.3g}, of a correct model {:#.3g}: these '
             "measurements cannot distinguish the model from a correct one by this number.",
             subject,
             error,
             floor,
         )
-        verdict += f" At the initial poses the error is {comparison.error:.3g}{of_which}." if is_aligned else ""
+        verdict += f" At the initial poses the error is {comparison.error:#.3g}{of_which}." if is_aligned else ""
         small = fill('<p class="next">To test for small effects: <code>{}</code></p>', command)
         return fill('<p class="verdict">{}</p>{}', verdict, small)
     above = comparison.error / floor if floor > 0 else float("inf")
     verdict = Markup('<span class="bad">Above the noise floor.</span> ')
-    verdict += f"The error {comparison.error:.3g} is {times(above)} the noise floor ({floor:.3g}){of_which}."
+    verdict += f"The error {comparison.error:#.3g} is {times(above)} the noise floor ({floor:#.3g}){of_which}."
     if comparison.error_aligned is not None and comparison.budget and comparison.budget.floor:
         ratio = times(comparison.error_aligned / comparison.budget.floor)
-        verdict += f" With poses, objects and map aligned it is {comparison.error_aligned:.3g}, {ratio} its floor."
+        verdict += f" With poses, objects and map aligned it is {comparison.error_aligned:#.3g}, {ratio} its floor."
     more = fill('<p class="sources">{}</p>', _excess(comparison))
     if comparison.slices:
         run = fill('<p class="next">Largest residuals at the initial poses: {}.</p>{}', str(comparison.slices[0]), run)
