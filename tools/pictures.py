@@ -27,6 +27,7 @@ from cosim.view.captions import CAMERA_BOXES, PERSPECTIVE_INSTANCE, PERSPECTIVE_
 from cosim.view.frame_pictures import FramePictures, Picture, intensity_scale
 from cosim.view.range_image import MARGIN_PX
 from sumo_nets import TOWNS, read_town
+from tools.level_towns import INTERCHANGE, OVERPASS, UNDERPASS, write_crossing
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "img"
@@ -41,6 +42,11 @@ MOVING = {
     "collection": {"every_s": 0.4, "min_travel_m": 0.5, "company_m": 25},
     "store_hits": False,
 }
+LEVELS = {
+    "overpass": (OVERPASS, {"x_m": -50, "y_m": -12, "heading_deg": 8}, 9.0, 5.0),
+    "underpass": (UNDERPASS, {"x_m": -48, "y_m": -13, "heading_deg": 8}, 9.0, 10.0),
+    "interchange": (INTERCHANGE, {"x_m": -75, "y_m": -11, "heading_deg": 6}, 18.0, 8.0),
+}  # network, mast, and height of its camera [m] and its pitch [deg]
 RIGGED = {"town": "town01", "frames": 3, "seed": 3, "warm_up_s": 30, "store_hits": False}
 _LIDAR_COLOURS = ((64, 190, 255), (255, 210, 60), (255, 90, 200))
 _ROW_PX = (1600, 450)
@@ -81,6 +87,8 @@ def main(arguments: list[str] | None = None) -> None:
     write_scan(still, options.frame, IMAGES / "objects.jpg")
     write_animation(moving, IMAGES / "drive.webp")
     write_towns(options.drives / "towns", IMAGES / "towns.jpg")
+    for name in LEVELS:
+        write_levels(record_levels(options.drives, name), IMAGES / f"{name}.jpg")
     rigs = [record(options.drives / name, {**RIGGED, "rig": name}) for name in ("nuscenes_like", "roof_three", "mast")]
     write_rigs(rigs, IMAGES / "rigs.jpg")
 
@@ -115,6 +123,28 @@ def write_scan(drive: Drive, frame: str | None, path: Path) -> None:
     """A scan in which every object has its colour."""
     picture = drawn(drive, frame or _richest(drive))[PERSPECTIVE_INSTANCE]
     write_jpeg(path, _scaled(picture, 1100))
+
+
+def record_levels(folder: Path, name: str) -> Drive:
+    """A drive of a mast's LiDAR and camera that look at a crossing with several levels."""
+    crossing, mast, height_m, pitch_deg = LEVELS[name]
+    mount = {"z_m": height_m, "pitch_deg": pitch_deg}
+    image = {"labels": True, "width_px": 1600, "height_px": 800, "K": [[1000, 0, 799.5], [0, 1000, 399.5], [0, 0, 1]]}
+    rig = {
+        "carrier": "mast",
+        "lidars": [{"name": "mast", "sensor": "os1_128", "mount": {**mount, "x_m": 0.3}}],
+        "cameras": [{"name": "mast", **image, "mount": {**mount, "x_m": 0.4}}],
+    }
+    town = write_crossing(crossing, folder / f"{name}_town")
+    config = {"town": str(town), "rig": rig, "mast": mast, "frames": 4, "frames_per_episode": 4, "seed": 1}
+    config |= {"warm_up_s": 35, "collection": {"every_s": 3.0}, "annotators": {"enabled": False}, "store_hits": False}
+    return record(folder / name, config)
+
+
+def write_levels(drive: Drive, path: Path) -> None:
+    """The frame with most labelled objects: the camera image above the scan."""
+    name = max(drive.frames, key=lambda frame: len(drive[frame].labels.cared_for))
+    write_jpeg(path, stacked(drawn(drive, name), 1000), quality=80)
 
 
 def write_animation(drive: Drive, path: Path, width: int = 900) -> None:

@@ -86,7 +86,14 @@ def _is_recording(options: argparse.Namespace) -> bool:
     path: Path = options.drive
     if options.split or options.frames or not path.exists():
         return False
-    return not any((path / below / "calib").is_dir() for below in ("", "training", "testing"))
+    from cosim.drives.kitti.layout import find_layout
+    from cosim.errors import DriveError
+
+    try:
+        find_layout(path)
+    except DriveError:
+        return True
+    return False
 
 
 def _detect_in_drive(

@@ -61,11 +61,11 @@ def execute(options: argparse.Namespace, console: Console) -> None:
 
 
 def _is_labelled(path: Path) -> bool:
-    """Whether a folder has KITTI's layout: scans together with calibrations or labels."""
+    """Whether a folder has KITTI's layout: scans, also those of a raw drive, together with calibrations or labels."""
+    from cosim.drives.kitti.layout import holds_scans
+
     roots = (path, path / "training", path / "testing")
-    return any(
-        (root / "velodyne").is_dir() and ((root / "calib").is_dir() or (root / "label_2").is_dir()) for root in roots
-    )
+    return any(holds_scans(root) and ((root / "calib").is_dir() or (root / "label_2").is_dir()) for root in roots)
 
 
 def _from_scans(options: argparse.Namespace, console: Console) -> None:

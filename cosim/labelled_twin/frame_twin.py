@@ -67,7 +67,7 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
             ground = ground_mesh(trust, surface, sensor_m)
             residual = cells.xyz[:, 2] - surface.fitted(cells.xyz[:, :2])
             spread = 1.4826 * float(np.median(np.abs(residual)))
-    instances, without = label_instances(labels, calibration, world_from_lidar)
+    instances, without = label_instances(labels, calibration, world_from_lidar, frame.label_axes)
     xyz, brightness = points[:, :3].astype(np.float64) + sensor_m, Brightness(0.0, 0)
     body_sd, paint_sd = body_scatter(instances, xyz), np.zeros(len(instances))
     if frame.has_intensity:

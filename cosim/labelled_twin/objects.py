@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from assets import MATERIALS
-from cosim.drives.kitti import Calibration, Labels
+from cosim.drives.kitti import Boxes, Calibration, Labels
+from cosim.drives.kitti.label_axes import LabelAxes
 from cosim.drives.twin import Instance
 from cosim.scene.bridge import models_of_size
 
@@ -14,17 +15,19 @@ _PAINT = MATERIALS["car_paint"].reflectance
 
 
 def label_instances(
-    labels: Labels, calibration: Calibration, world_from_lidar: np.ndarray
+    labels: Labels, calibration: Calibration, world_from_lidar: np.ndarray, axes: LabelAxes = "camera"
 ) -> tuple[tuple[Instance, ...], int]:
     """Create one instance per labelled object of a class that has models.
 
-    Boxes are upright in the camera's axes, as in KITTI; their tilt relative to the LiDAR is kept. Labels contain
-    neither motion nor paint: instances are at rest, and their paint is the default of the material table.
+    Boxes are upright in the camera's axes, as in KITTI, and their tilt relative to the LiDAR is kept, or in LiDAR axes.
+    Labels contain neither motion nor paint: instances are at rest, and their paint is the default of the material
+    table.
 
     Args:
         labels: labels of the frame without DontCare regions.
         calibration: calibration of the frame.
         world_from_lidar: (4, 4) pose of the LiDAR in the world.
+        axes: axes in which the boxes are upright.
 
     Returns:
         The instances, and the number of objects without a model.
@@ -45,6 +48,8 @@ def label_instances(
         pose = np.eye(4)
         pose[:3, :3] = rotation @ _camera_from_box(float(labels.rotation_y[row]))
         pose[:3, 3] = world_from_camera[:3, :3] @ labels.location[row] + world_from_camera[:3, 3]
+        if axes == "lidar":
+            pose = world_from_lidar @ _lidar_from_box(labels[row : row + 1].boxes_velo(calibration))
         instances.append(
             Instance(
                 id=f"{name.lower()}{row}",
@@ -61,6 +66,14 @@ def label_instances(
             )
         )
     return tuple(instances), without_model
+
+
+def _lidar_from_box(box: Boxes) -> np.ndarray:
+    """Pose (4, 4) in LiDAR axes of the bottom centre of one upright box."""
+    cos, sin = float(np.cos(box.yaw[0])), float(np.sin(box.yaw[0]))
+    pose = np.array([[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], float)
+    pose[:3, 3] = box.centre[0] - np.array([0, 0, box.size[0, 2] / 2])
+    return pose
 
 
 def _camera_from_box(rotation_y: float) -> np.ndarray:

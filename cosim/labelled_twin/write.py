@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from assets import MATERIALS, build_model
-from cosim.drives.kitti import Drive, Frame
+from cosim.drives.kitti import Drive, Frame, format_calibration
 from cosim.drives.kitti.point_format import OPTIONS
 from cosim.drives.twin import encode_glb, encode_trust, format_materials
 from cosim.drives.writer import DriveWriter, OutputError, explained
@@ -98,6 +98,10 @@ def write_labelled_twin(
     settings |= {"pattern": beams.name} | {key: drive.info[key] for key in OPTIONS if key in drive.info}
     if drive.point_format.schema is not None:
         settings["inferred"] = drive.point_format.schema.as_dict()
+    if drive.label_axes[1] or "label_axes" in drive.info:
+        settings["label_axes"] = drive.label_axes[0]
+    if drive.label_axes[1]:
+        settings["inferred"] = {**dict(settings.get("inferred") or {}), "label_axes": drive.label_axes[1]}  # type: ignore[call-overload]
     writer.open(yaml.safe_dump(settings | {"cosim": version("cosim")}, sort_keys=False))
     done = writer.manifest()
     for frame in frames:
@@ -129,7 +133,9 @@ def _check_trust(writer: DriveWriter, drive: Drive, frames: Sequence[Frame], bea
 def _write_frame(writer: DriveWriter, frame: Frame, made: FrameTwin) -> None:
     for part in _LINKED:
         source = frame.find(part)
-        if source is not None:
+        if part == "calib" and frame.common_calibration is not None:
+            writer.write(f"calib/{frame.name}.txt", format_calibration(frame.calibration).encode())
+        elif source is not None:
             _link(source, writer.folder / part / source.name)
     for model in sorted({instance.model for instance in made.frame.instances}):
         if not writer.has(f"twin/models/{model}.glb"):

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cosim.point_files.clues import elevation_entropy, find_ground, sense_of_rotation
+from cosim.point_files.clues import elevation_entropy, find_ground, range_resolution_unit, sense_of_rotation
 from cosim.point_files.scan import PointFileError
 
 _UNITS_M = {0.01: "cm", 0.001: "mm"}
 _FOOT_M = 0.3048
 _CAR_HEIGHTS_M = (1.3, 2.6)  # of sensors on cars and vans above the ground
+_FAR_METRES, _NEAR_FEET = 300.0, 100.0  # units: no sensor sees farther in metres; too near for outdoor scans in feet
 _RANGES_M = (1.0, 150.0)  # median ranges of scans of any spinning sensor
 _FULL_CIRCLE = 0.5  # share of sectors with points of a scan that is about the sensor
 _SECTORS = 36
@@ -26,18 +27,20 @@ _FEWEST = 200
 def find_metres(clouds: Sequence[np.ndarray], source: str, notes: list[str]) -> float:
     """Length of one unit of x, y, z [m]: metres unless both the ranges and the ground's depth say otherwise.
 
-    Ranges in feet are possible in metres, too: a ground at the depth of a car's sensor in feet is noted.
+    Ranges in feet are possible in metres, too. Where the ground is as deep below the sensor as in a car if coordinates
+    are feet, and as below a mast if they are metres, the farthest points and the resolution of the ranges decide.
 
     Raises:
-        PointFileError: ranges are no metres, and no other unit agrees with both clues.
+        PointFileError: ranges are no metres, and no other unit agrees with both clues; or feet and metres are possible.
     """
     xyz = np.concatenate(clouds) if clouds else np.zeros((0, 3))
     if len(xyz) < _FEWEST:
         return 1.0
     median = float(np.median(np.linalg.norm(xyz, axis=1)))
     if median <= _RANGES_M[1] or not _surrounds(xyz):
-        notes.extend(_feet_note(xyz))
-        return 1.0  # small scenes are possible; coordinates far from the origin are not measured from the sensor
+        return _metres_or_feet(
+            xyz, source, notes
+        )  # small scenes are possible; coordinates far from the origin are not measured from the sensor
     fitting = [
         unit for unit in _UNITS_M if _RANGES_M[0] < median * unit < _RANGES_M[1] and find_ground(xyz, unit) is not None
     ]
@@ -132,16 +135,36 @@ def _lies_around(xyz: np.ndarray, z: float, metres: float) -> bool:
     return float(np.mean(counts > 0)) > _ALL_AROUND
 
 
-def _feet_note(xyz: np.ndarray) -> list[str]:
-    """A note where the ground is as deep as below a car's sensor if coordinates are feet."""
+def _metres_or_feet(xyz: np.ndarray, source: str, notes: list[str]) -> float:
+    """Length of one unit [m], where only metres and feet are possible.
+
+    Raises:
+        PointFileError: the ground is at a depth that is usual in both, and no other clue decides.
+    """
     ground = find_ground(xyz, _FOOT_M)
     depth = 0.0 if ground is None else abs(ground.z)
     if not _CAR_HEIGHTS_M[0] < depth * _FOOT_M < _CAR_HEIGHTS_M[1]:
-        return []
-    return [
-        f"coordinates are taken as metres, with the ground {depth:.1f} m below the sensor; if they are feet, it is "
-        f"{depth * _FOOT_M:.1f} m below: give --metres {_FOOT_M} (`metres:` in drive.yaml)"
-    ]
+        return 1.0
+    ranges = np.linalg.norm(xyz, axis=1)
+    far, resolution = float(np.quantile(ranges, 0.999)), range_resolution_unit(ranges, (1.0, _FOOT_M))
+    readings = (
+        f"the ground is {depth:.1f} units below the sensor ({depth * _FOOT_M:.1f} m if they are feet, as on a car; "
+        f"{depth:.1f} m if they are metres, as on a mast), and the farthest points are {far:.0f} units away"
+    )
+    clues = {1.0: [resolution == 1.0, far < _NEAR_FEET], _FOOT_M: [resolution == _FOOT_M, far > _FAR_METRES]}
+    is_metres, is_feet = (any(found) for found in clues.values())
+    if is_metres == is_feet:
+        raise PointFileError(
+            f"{source}: coordinates may be feet or metres: {readings}; state the unit: --metres {_FOOT_M} for feet, or "
+            "--metres 1 (`metres:` in drive.yaml or recording.yaml)"
+        )
+    reason = "ranges are multiples of a few millimetres then" if resolution else "farther than a sensor sees in metres"
+    if is_feet:
+        notes.append(f"coordinates are feet: {readings}: {reason}; --metres 1 otherwise")
+        return _FOOT_M
+    reason = "ranges are multiples of a few millimetres then" if resolution else "too near for a sensor in feet"
+    notes.append(f"coordinates are metres: {readings}: {reason}; --metres {_FOOT_M} if they are feet")
+    return 1.0
 
 
 def _surrounds(xyz: np.ndarray) -> bool:

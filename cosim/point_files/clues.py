@@ -17,6 +17,7 @@ _TURN = (0.45, 1.6)  # revolutions that one scan may hold
 _LAYER_M, _HEIGHTS_M = 0.2, (0.3, 6.0)  # thickness of a ground layer, heights of sensors above the ground
 _LAYER_SHARE, _OTHER_SHARE, _BEYOND_SHARE = 0.12, 0.3, 0.02
 _REACH_M = 40.0  # of points that show the ground
+_STEPS_M, _ON_STEP, _MOST_ON_STEP = (0.001, 0.002, 0.004, 0.005), 0.15, 0.8  # resolutions; within share of a step
 _ELEVATION_CELLS = 1800  # of 0.1°
 _RING_SPREAD = 0.3  # spread of elevations within a laser over that of all points
 _GROWTH = 0.97  # correlation of time with place in the file
@@ -54,6 +55,27 @@ def find_ground(xyz: np.ndarray, unit_m: float = 1.0) -> GroundClue | None:
     if best[1] < _LAYER_SHARE or other[1] > _OTHER_SHARE * best[1] or beyond > _BEYOND_SHARE:
         return None
     return GroundClue(sign * best[0] / unit_m, best[1])
+
+
+def range_resolution_unit(ranges: np.ndarray, units_m: tuple[float, ...]) -> float | None:
+    """The unit [m] in which ranges are multiples of a sensor's resolution; None unless exactly one is.
+
+    Sensors measure ranges in steps of 1 to 5 mm. Stored as float32 coordinates, the steps are still visible up to some
+    tens of metres, unless a calibration of each laser has been applied.
+
+    Args:
+        ranges: (n,) distances from the sensor [unit of the file].
+        units_m: possible lengths of one unit.
+    """
+    near = ranges[(ranges > 0) & (ranges * min(units_m) < _REACH_M)]
+    if len(near) < _FEWEST:
+        return None
+    stepped = []
+    for unit in units_m:
+        steps = [near * unit / step for step in _STEPS_M]
+        if any(np.mean(np.abs(each - np.rint(each)) < _ON_STEP) > _MOST_ON_STEP for each in steps):
+            stepped.append(unit)
+    return stepped[0] if len(stepped) == 1 else None
 
 
 def _layer(heights: np.ndarray) -> tuple[float, float]:

@@ -83,6 +83,8 @@ def _make_motion(folder: Path) -> None:
         f"{state.format('initialState', 5, 0)}<trajectory>{states}</trajectory></dynamicObstacle></commonRoad>"
     )
     (folder / "play.xosc").write_text(_openscenario())
+    (folder / "drive.xosc").write_text(_driving())
+    (folder / "street.xodr").write_text(_opendrive())
     shutil.copyfile(_RIG, folder / "rig.yaml")
     (folder / "road.glb").write_bytes(encode_glb(box((200, 30, 0.2), (50, 0, -0.1), "asphalt"), "road"))
 
@@ -123,6 +125,64 @@ def _openscenario() -> str:
         f'<Event name="e" priority="overwrite"><Action name="b">{follows}</Action>{begins}</Event></Maneuver>'
         f"</ManeuverGroup>{begins}</Act></Story><StopTrigger/></Storyboard></OpenSCENARIO>"
     )
+
+
+def _driving() -> str:
+    """A car that drives along lanes of `street.xodr` and changes lane, beside another one."""
+    text = _openscenario()
+    start, end = text.index("<PrivateAction><RoutingAction>"), text.index("</RoutingAction></PrivateAction>")
+    change = (
+        '<PrivateAction><LateralAction><LaneChangeAction><LaneChangeActionDynamics value="2" dynamicsShape="cubic" '
+        'dynamicsDimension="time"/><LaneChangeTarget><RelativeTargetLane entityRef="a" value="1"/></LaneChangeTarget>'
+        "</LaneChangeAction></LateralAction></PrivateAction>"
+    )
+    text = text[:start] + change + text[end + len("</RoutingAction></PrivateAction>") :]
+    speed = (
+        '<PrivateAction><LongitudinalAction><SpeedAction><SpeedActionDynamics dynamicsShape="linear" value="3" '
+        'dynamicsDimension="rate"/><SpeedActionTarget><AbsoluteTargetSpeed value="9"/></SpeedActionTarget>'
+        "</SpeedAction></LongitudinalAction></PrivateAction>"
+    )
+    at = '<Position><LanePosition roadId="1" laneId="-2" s="5" offset="0.2"/></Position>'
+    text = text.replace(
+        '<Position><WorldPosition x="$x" y="0.5" z="0" h="0"/></Position></TeleportAction></PrivateAction></Private>',
+        f"{at}</TeleportAction></PrivateAction>{speed}</Private>",
+    )
+    return text.replace("<RoadNetwork/>", '<RoadNetwork><LogicFile filepath="street.xodr"/></RoadNetwork>')
+
+
+def _opendrive() -> str:
+    """Two roads that follow each other, of all kinds of geometry."""
+    shapes = (
+        "<line/>",
+        '<spiral curvStart="0" curvEnd="0.001"/>',
+        '<arc curvature="0.001"/>',
+        '<poly3 a="0" b="0" c="0" d="0.0001"/>',
+        '<paramPoly3 pRange="normalized" aU="0" bU="20" cU="0" dU="0" aV="0" bV="0" cV="0" dV="0"/>',
+    )
+    lane = (
+        '<lane id="{0}" type="driving"><link><successor id="{0}"/><predecessor id="{0}"/></link>'
+        '<width sOffset="0" a="3" b="0.01" c="0" d="0"/></lane>'
+    )
+    lanes = (
+        '<lanes><laneOffset s="0" a="3" b="0" c="0" d="0"/><laneSection s="{0}"><left>'
+        f"{lane.format(1)}</left><right>{lane.format(-1)}{lane.format(-2)}</right></laneSection>"
+        f'<laneSection s="{{1}}"><right>{lane.format(-1)}{lane.format(-2)}</right></laneSection></lanes>'
+    )
+    roads = ""
+    for number, link in ((1, "successor"), (2, "predecessor")):
+        x = 50 * (number - 1)
+        pieces = "".join(
+            f'<geometry s="{10 * k}" x="{x + 10 * k}" y="0" hdg="0" length="10">{shape}</geometry>'
+            for k, shape in enumerate(shapes)
+        )
+        contact = "start" if number == 1 else "end"
+        roads += (
+            f'<road id="{number}" length="50" junction="-1"><link><{link} elementType="road" elementId="{3 - number}" '
+            f'contactPoint="{contact}"/></link><planView>{pieces}</planView><elevationProfile>'
+            '<elevation s="0" a="0" b="0.01" c="0" d="0"/></elevationProfile><lateralProfile>'
+            f'<superelevation s="0" a="0.01" b="0" c="0" d="0"/></lateralProfile>{lanes.format(0, 25)}</road>'
+        )
+    return f'<OpenDRIVE><header revMajor="1" revMinor="6"/>{roads}</OpenDRIVE>'
 
 
 def _copy_one_frame(drive: Path, target: Path) -> None:

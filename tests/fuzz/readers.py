@@ -117,6 +117,8 @@ READERS = (
     Reader("FCD output", "fcd.xml", spoil_text, _trajectories),
     Reader("CommonRoad", "lanes.xml", spoil_text, _scenario),
     Reader("OpenSCENARIO", "play.xosc", spoil_text, lambda path: read_trajectories(path, _ROAD)),
+    Reader("OpenSCENARIO lanes", "drive.xosc", spoil_text, lambda path: read_trajectories(path, _ROAD)),
+    Reader("OpenDRIVE", "street.xodr", spoil_text, lambda path: read_trajectories(path.with_name("drive.xosc"), _ROAD)),
     Reader("rig", "rig.yaml", spoil_text, load_rig),
     Reader("world", "road.glb", spoil_glb, _world),
     Reader("detections", "detections/000000.txt", spoil_text, _results),

@@ -12,12 +12,14 @@ import numpy as np
 
 from cosim.drives.files import is_safe_name, read_mapping
 from cosim.drives.kitti.frame import Frame
+from cosim.drives.kitti.label_axes import AXES, LabelAxes, infer_label_axes, is_tilted
 from cosim.drives.kitti.layout import LIDARS, find_layout, lidar_folder, list_scans, read_manifest, read_split
 from cosim.drives.kitti.point_format import OPTIONS, PLAIN, PointFormat, drive_options, find_point_format
 from cosim.drives.kitti.scan_notes import scan_notes
-from cosim.errors import DriveError
+from cosim.errors import CosimError, DriveError
 
 _LOG = logging.getLogger(__name__)
+_LABELLED = 8  # frames from which the axes of labels are inferred
 _SWEEP_S = 0.1  # HDL-64E at 10 Hz, as in KITTI
 _OF_FIRST = ("pattern", "sweep_s", "sensor", *OPTIONS)  # keys of drive.yaml that describe the first LiDAR
 _CONSEQUENCES = {
@@ -91,6 +93,9 @@ class Drive:
             raise DriveError(
                 f"{self.root}: no frame {name!r}; it has {len(self)}, {self.frames[0]} to {self.frames[-1]}"
             )
+        return self._frame(name, self.label_axes[0])
+
+    def _frame(self, name: str, label_axes: LabelAxes) -> Frame:
         return Frame(
             name,
             self.root,
@@ -102,7 +107,32 @@ class Drive:
             self._reference,
             self._parts,
             self._calibration,
+            label_axes,
         )
+
+    @cached_property
+    def label_axes(self) -> tuple[LabelAxes, str]:
+        """Axes in which labelled boxes are upright, and why, in a sentence; empty where that is no question.
+
+        Raises:
+            DriveError: `label_axes` of `drive.yaml` is neither `camera` nor `lidar`.
+        """
+        stated = self.info.get("label_axes")
+        if stated is not None:
+            if stated not in AXES:
+                raise DriveError(f"{self.base / 'drive.yaml'}: label_axes is {stated!r}; write camera or lidar")
+            return stated, ""
+        if self.kind == "simulated":
+            return "camera", ""
+        chosen = self.frames[:: max(1, len(self.frames) // _LABELLED)][:_LABELLED]
+        frames = [self._frame(name, "camera") for name in chosen]
+        try:
+            labelled = [frame for frame in frames if frame.has("label_2") and frame.has("calib")]
+            if not any(is_tilted(frame.calibration) for frame in labelled):
+                return "camera", ""
+            return infer_label_axes((frame.labels.cared_for, frame.calibration, frame.points) for frame in labelled)
+        except CosimError:
+            return "camera", ""  # the reader of the frame reports the error
 
     @property
     def lidars(self) -> tuple[str, ...]:
@@ -217,6 +247,7 @@ class Drive:
         return (
             *self.missing,
             *inferred,
+            *filter(None, [self.label_axes[1]]),
             *scan_notes([self[name] for name in (self.frames if names is None else names)]),
         )
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim.drives.kitti.calibration import Calibration, read_calibration
 from cosim.drives.kitti.images import read_depth, read_image, read_instances
+from cosim.drives.kitti.label_axes import LabelAxes, in_camera_axes
 from cosim.drives.kitti.labels import Labels, read_labels
 from cosim.drives.kitti.oxts import Oxts, read_oxts
 from cosim.drives.kitti.point_format import PLAIN, PointFormat, StoredScan
@@ -70,6 +71,7 @@ class Frame:
         reference: name of the camera that labels refer to, where the rig is not KITTI's.
         parts: folder of each part that is not in the folder of its name, relative to the root.
         common_calibration: file of the calibration, where it is the same for all frames.
+        label_axes: axes in which labelled boxes are upright.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Frame:
     reference: str = ""
     parts: Mapping[str, str] = field(default_factory=dict)
     common_calibration: Path | None = None
+    label_axes: LabelAxes = "camera"
 
     def find(self, part: str) -> Path | None:
         """The file of a part (a folder such as `label_2`), or None if it is absent.
@@ -153,8 +156,9 @@ class Frame:
 
     @cached_property
     def labels(self) -> Labels:
-        """The labelled objects, `DontCare` regions included."""
-        return self._read("label_2", read_labels)
+        """The labelled objects, `DontCare` regions included; boxes upright in LiDAR axes in KITTI's convention."""
+        labels = self._read("label_2", read_labels)
+        return labels if self.label_axes == "camera" else in_camera_axes(labels, self.calibration)
 
     @cached_property
     def exact_labels(self) -> Labels:

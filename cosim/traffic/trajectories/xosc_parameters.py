@@ -32,6 +32,7 @@ _FUNCTIONS: dict[str, Callable[..., float]] = {
     "sqrt": math.sqrt,
     "pow": math.pow,
 }
+_NAMES = ("name", "storyboardElementRef")
 _LONGEST = 200  # characters of an expression
 
 
@@ -63,13 +64,21 @@ def _resolve(source: str, element: ET.Element, values: dict[str, str], fixed: fr
             values[name] = _substitute(source, declaration.get("value", ""), values)
     for key, text in element.attrib.items():
         if "$" in text and not _refers(element, key):
-            element.set(key, _substitute(source, text, values))
+            element.set(key, _name(source, text, values) if key in _NAMES else _substitute(source, text, values))
     for child in element:
         if child.tag != "ParameterDeclarations":
             _resolve(source, child, values, fixed)
         else:
             for declaration in child:
                 declaration.set("value", values.get(declaration.get("name", ""), declaration.get("value", "")))
+
+
+def _name(source: str, text: str, values: Mapping[str, str]) -> str:
+    """A name with parameters; as it is where an expression in it is not arithmetic, since it only has to be unique."""
+    try:
+        return _substitute(source, text, values)
+    except TrajectoryError:
+        return text
 
 
 def _refers(element: ET.Element, key: str) -> bool:

@@ -49,6 +49,38 @@ def test_the_result_is_a_measured_drive_with_a_twin(made: Path, kitti_root: Path
         assert row["ground_sd_m"] < 0.04
 
 
+def as_raw_drive(source: Drive, day: Path) -> Path:
+    """One frame in the layout of KITTI's raw drives, with labels beside it."""
+    frame, calibration = source[source.frames[0]], source[source.frames[0]].calibration
+    root, name = day / f"{day.name}_drive_0009_sync", "0000000007"
+    for part, folder in (("velodyne", "velodyne_points/data"), ("label_2", "label_2")):
+        (root / folder).mkdir(parents=True)
+        shutil.copy(frame.path(part), (root / folder / name).with_suffix(frame.path(part).suffix))
+    values = {
+        "R": calibration.Tr_velo_to_cam[:, :3],
+        "T": calibration.Tr_velo_to_cam[:, 3],
+        "R_rect_00": calibration.R0_rect,
+        "P_rect_02": calibration.P2,
+    }
+    rows = {
+        key: f"{key}: {' '.join(f'{value:.12e}' for value in np.ravel(matrix))}\n" for key, matrix in values.items()
+    }
+    (day / "calib_velo_to_cam.txt").write_text(rows["R"] + rows["T"])
+    (day / "calib_cam_to_cam.txt").write_text(rows["R_rect_00"] + rows["P_rect_02"])
+    return root
+
+
+def test_a_labelled_raw_drive_has_the_same_twin(made: Path, kitti_root: Path, tmp_path: Path) -> None:
+    raw = as_raw_drive(Drive(kitti_root), tmp_path / "2011_09_26")
+    out = tmp_path / "twin"
+    assert main(["twin", str(raw), "--out", str(out), "--quiet"]) == 0
+    frame, known = Drive(out)["0000000007"], next(iter(Drive(made)))
+    assert np.array_equal(frame.points, known.points)
+    np.testing.assert_allclose(frame.calibration.velo_to_rect_matrix, known.calibration.velo_to_rect_matrix, atol=1e-9)
+    poses, others = ([instance.pose for instance in each.twin.instances] for each in (frame, known))
+    np.testing.assert_allclose(poses, others, atol=1e-6)
+
+
 def test_trusted_points_lie_on_the_twin(made: Path) -> None:
     for frame in Drive(made):
         trust = read_trust(frame.path("twin/trust"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -189,7 +190,53 @@ def test_points_in_other_axes_are_refused_with_the_reason(change, says, tmp_path
         recording(tmp_path, change)
 
 
-@pytest.mark.parametrize(("unit_m", "is_noted"), [(0.3048, True), (1.0, False)])
-def test_coordinates_that_may_be_feet_are_noted(unit_m, is_noted, tmp_path):
-    notes = recording(tmp_path, lambda p: p / [unit_m, unit_m, unit_m, 1]).notes
-    assert any("if they are feet, it is 1.8 m below: give --metres 0.3048" in note for note in notes) == is_noted
+def in_feet(points: np.ndarray) -> np.ndarray:
+    return points / [0.3048, 0.3048, 0.3048, 1]
+
+
+def with_far_points(points: np.ndarray) -> np.ndarray:
+    """Every 60th point 110 m away."""
+    way = points[:, :3] / np.linalg.norm(points[:, :3], axis=1)[:, None]
+    far = np.arange(len(points)) % 60 == 0
+    return np.column_stack([np.where(far[:, None], 110 * way, points[:, :3]), points[:, 3]])
+
+
+def in_steps(points: np.ndarray, step_m: float = 0.004) -> np.ndarray:
+    """Ranges as multiples of the sensor's resolution."""
+    reach = np.linalg.norm(points[:, :3], axis=1)[:, None]
+    return np.column_stack([points[:, :3] / reach * np.rint(reach / step_m) * step_m, points[:, 3]])
+
+
+def on_a_mast(points: np.ndarray) -> np.ndarray:
+    return points - [0, 0, 3.7, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "unit_m", "says"),
+    [
+        (
+            lambda p: in_feet(with_far_points(p)),
+            0.3048,
+            "coordinates are feet: .* farther than a sensor sees in metres",
+        ),
+        (lambda p: in_feet(in_steps(p)), 0.3048, "coordinates are feet: .* multiples of a few millimetres"),
+        (on_a_mast, 1.0, "coordinates are metres: .* too near for a sensor in feet"),
+        (lambda p: in_steps(with_far_points(on_a_mast(p))), 1.0, "coordinates are metres: .* multiples"),
+        (lambda p: p, 1.0, ""),
+    ],
+    ids=["far", "steps in feet", "mast", "steps on a mast", "car"],
+)
+def test_a_second_clue_tells_feet_from_metres(change, unit_m, says, tmp_path):
+    found = recording(tmp_path, change)
+    assert found.schema.metres == unit_m
+    assert any(re.search(says, note) for note in found.notes) if says else not any("feet" in n for n in found.notes)
+
+
+def test_feet_or_metres_without_a_second_clue_are_refused(tmp_path):
+    with pytest.raises(
+        RecordingError, match=r"may be feet or metres: .*1.8 m if they are feet.*--metres 0.3048"
+    ) as caught:
+        recording(tmp_path, in_feet)
+    assert "5.9 m if they are metres, as on a mast" in str(caught.value)
+    found = open_recording(tmp_path, metres=0.3048)
+    assert np.allclose(found[0].xyz, scan(0.0, 0)[:, :3], atol=1e-4)

@@ -130,11 +130,11 @@ ON_LANE = '<Position><LanePosition roadId="1" laneId="-1" s="3" offset="0"/></Po
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("<Action name", f'<Action name="b">{LANE_CHANGE}</Action><Action name', "AbsoluteLaneChangeAction, only"),
+        ("<Action name", f'<Action name="b">{LANE_CHANGE}</Action><Action name', "changes lane after its trajectory"),
         (
             "<Init><Actions>",
             f'<Init><Actions><Private entityRef="ego">{teleport(ON_LANE)}</Private>',
-            "LanePosition, only",
+            "names no OpenDRIVE file",
         ),
         (' time="6.0"', "", "scenariogeneration cannot parse"),
         ('scale="1" offset="0"', "", "scenariogeneration cannot parse"),

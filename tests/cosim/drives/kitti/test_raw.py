@@ -64,6 +64,13 @@ def test_statistics_and_views_of_a_raw_drive(raw_drive: Path, tmp_path: Path) ->
     assert main(["view", str(raw_drive), "--out", str(tmp_path / "view.html"), "--quiet"]) == 0
 
 
+def test_detections_on_a_raw_drive_use_its_calibration(raw_drive: Path, tmp_path: Path) -> None:
+    out = tmp_path / "detections"
+    assert main(["detect", str(raw_drive), "--device", "cpu", "--out", str(out), "--quiet"]) == 0
+    assert sorted(file.stem for file in out.glob("*.txt")) == [f"{number:010d}" for number in _SCANS]
+    assert not (out / "calib").exists(), "no other calibration is made up"
+
+
 def test_what_a_raw_drive_lacks_is_named(raw_drive: Path) -> None:
     (raw_drive.parent / "calib_cam_to_cam.txt").unlink()
     with pytest.raises(FormatError, match=r"calib_cam_to_cam\.txt: cannot be read"):
