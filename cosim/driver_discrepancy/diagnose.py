@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.capture.config import RunConfig, load_config
+from cosim.discrepancy.selection.gain import is_rival
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour, Signal
 from cosim.driver_discrepancy.case import Case, open_case
 from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison, compare_summaries
@@ -75,13 +76,17 @@ class _Try:
         behaviour: which.
         fit: of all of them together.
         gain: fall of chi² less its penalty.
-        error: standard error of the cross-fitted gain over folds, times two.
+        folds: (folds,) gain that its slopes promise, on each fold of vehicles.
     """
 
     behaviour: Behaviour
     fit: Fit
     gain: float
-    error: float
+    folds: np.ndarray
+
+    def is_confusable_with(self, other: Behaviour) -> bool:
+        """Whether the catalogue names one of them as similar to the other."""
+        return other.name in self.behaviour.confusable_with or self.behaviour.name in other.confusable_with
 
 
 def traffic_diagnose(
@@ -176,13 +181,10 @@ class _Diagnosis:
         tries, promise = self._fit_best(look, options)
         self._ranking = self._ranking or self._rank(options, promise, tries, look)
         for attempt in tries:
-            name = attempt.behaviour.name
             after = self._look(attempt.fit.config) if attempt.gain > 0 else None
-            fall = None if after is None else self._held_out_fall(look, after)
-            if after is not None and fall is not None and _is_accepted(attempt.behaviour, fall):
-                self._add(attempt, tries, look, after, fall)
-                return after
-            self._refused.add(name)
+            if after is not None and _is_accepted(attempt.behaviour, self._held_out_fall(look, after)):
+                return self._add(attempt, tries, look, after)
+            self._refused.add(attempt.behaviour.name)
         return self._improve(look)
 
     def _options(self, look: _Look) -> list[tuple[Behaviour, BehaviourConfig]]:
@@ -202,16 +204,17 @@ class _Diagnosis:
     def _fit_best(
         self, look: _Look, options: Sequence[tuple[Behaviour, BehaviourConfig]]
     ) -> tuple[list[_Try], dict[str, float]]:
-        """Fit the behaviours with the largest cross-fitted gains; the best first."""
+        """Fit the behaviours with the largest cross-fitted gains, and those that are similar to the best; best first."""
         estimator = self._estimator(self._by.fitting.slope_seeds)
-        slopes, promise, errors = {}, {}, {}
+        slopes: dict[str, np.ndarray] = {}
+        folds: dict[str, np.ndarray] = {}
         for behaviour, config in options:
             slopes |= estimator.slopes(config, [behaviour])
-            gain, error = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
-            promise[behaviour.name], errors[behaviour.name] = 2 * gain - self._penalty(behaviour), 2 * error
+            folds[behaviour.name] = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
+        promise = {one.name: 2 * float(folds[one.name].sum()) - self._penalty(one) for one, _ in options}
         order = sorted(options, key=lambda option: -promise[option[0].name])
         least = self._by.fitting.nearly * promise[order[0][0].name]
-        chosen = [option for option in order if promise[option[0].name] > least] or order
+        chosen = ([option for option in order if promise[option[0].name] > least] or order)[: self._by.fitting.tried]
         scored = np.array(
             [
                 column.is_whole or any(option.shows(column.channel, column.condition) for option, _ in options)
@@ -219,59 +222,66 @@ class _Diagnosis:
             ],
             bool,
         )
-        before_chi2 = float((look.fitted.z[scored] ** 2).sum())
-        tries = []
-        for behaviour, config in chosen[: self._by.fitting.tried]:
+
+        def attempt(behaviour: Behaviour, config: BehaviourConfig) -> _Try:
             self._say(f"fitting {behaviour.name}")
             before = [BEHAVIOURS[finding.behaviour] for finding in self._found]
             known = slopes | (estimator.slopes(config, before) if before else {})
             fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, scored)
-            gain = before_chi2 - fit.chi2 - self._penalty(behaviour)
-            tries.append(_Try(behaviour, fit, gain, errors[behaviour.name]))
-        return sorted(tries, key=lambda attempt: -attempt.gain), promise
+            gain = float((look.fitted.z[scored] ** 2).sum()) - fit.chi2 - self._penalty(behaviour)
+            return _Try(behaviour, fit, gain, folds[behaviour.name])
+
+        tries = [attempt(*option) for option in chosen]
+        best = max(tries, key=lambda one: one.gain)
+        rivals = [option for option in order if option not in chosen and best.is_confusable_with(option[0])]
+        tries += [attempt(*option) for option in rivals if promise[option[0].name] > 0]
+        return sorted(tries, key=lambda one: -one.gain), promise
 
     def _held_out_fall(self, before: _Look, after: _Look) -> Fall:
         ids = self._case.held_out
         return compare_scores(before.scores.of(ids), after.scores.of(ids))
 
-    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, after: _Look, fall: Fall) -> None:
-        name = attempt.behaviour.name
+    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, fitted: _Look) -> _Look:
+        """Add a behaviour, refine the parameters of all, and look at the model again."""
+        name, behaviour = attempt.behaviour.name, attempt.behaviour
         self._say(f"adding {name}")
-        least = attempt.gain - self._by.similar_errors * max(attempt.error, 1.0)
+        known = [BEHAVIOURS[finding.behaviour] for finding in self._found]
+        self._fit = self._refine(fitted, [*known, behaviour])
+        after = self._look(self._fit.config)
+        fall = self._held_out_fall(look, after)
         similar = tuple(
             other.behaviour.name
             for other in tries
-            if other is not attempt and other.gain > max(least, 0.0) and after.p_value(other.behaviour) > self._by.level
+            if other is not attempt
+            and is_rival(attempt.gain / 2, other.gain / 2, attempt.folds, other.folds)
+            and after.p_value(other.behaviour) > self._by.level
         )
-        config = attempt.fit.config
+        streets = after.config.street_speed
         self._found.append(
             TrafficFinding(
                 behaviour=name,
-                params=attempt.fit.values[name],
-                before=attempt.behaviour.read(look.config, self._case.background),
+                params=self._fit.values[name],
+                before=behaviour.read(look.config, self._case.background),
                 ci95={},
-                p_value=look.p_value(attempt.behaviour),
+                p_value=look.p_value(behaviour),
                 error_before=fall.before,
                 error_after=fall.after,
                 also_possible=similar,
-                shown_by=_shown_by(attempt.behaviour, self._case.measured, look, after),
+                shown_by=_shown_by(behaviour, self._case.measured, look, after),
                 fall_ci95=fall.interval,
                 worse=fall.worse,
-                streets=config.street_speed.edges
-                if attempt.behaviour.condition == "street" and config.street_speed
-                else (),
+                streets=streets.edges if behaviour.condition == "street" and streets else (),
             )
         )
-        self._fit = attempt.fit
+        return after
 
     def _conclude(self, first: _Look, last: _Look) -> TrafficDiagnosis:
-        behaviours = [BEHAVIOURS[finding.behaviour] for finding in self._found]
-        config, findings = last.config, list(self._found)
+        findings = list(self._found)
         if self._fit is not None:
-            fit = self._refine(last, behaviours)
-            ends = intervals(fit, behaviours, last.fitted.freedom, self._by.coverage)
-            config = fit.config
-            findings = [replace(one, params=fit.values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
+            behaviours = [BEHAVIOURS[finding.behaviour] for finding in findings]
+            ends = intervals(self._fit, behaviours, last.fitted.freedom, self._by.coverage)
+            values = self._fit.values
+            findings = [replace(one, params=values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
         before, after = self._compare(first), self._compare(last)
         left = find_unexplained(after, self._by.level)
         ambiguous = any(finding.also_possible for finding in findings)
@@ -286,22 +296,19 @@ class _Diagnosis:
             error_before=first.scores.of(ids).error,
             error_after=last.scores.of(ids).error,
             noise_floor=noise_floor([run for run in last.runs], ids),
-            config=self._config.model_copy(update={"behaviour": config}) if findings else self._config,
+            config=self._config.model_copy(update={"behaviour": last.config}) if findings else self._config,
             unexplained=left,
             simulations=self._simulations.count,
         )
 
-    def _refine(self, last: _Look, behaviours: Sequence[Behaviour]) -> Fit:
-        """Linearise about the fit, take further steps there, and a small last one with what all seeds show."""
+    def _refine(self, look: _Look, behaviours: Sequence[Behaviour]) -> Fit:
+        """Linearise about the model that was simulated with all seeds, and take further steps from there."""
         self._say("refining the parameters")
         estimator = self._estimator(self._by.fitting.seeds)
-        slopes = estimator.slopes(last.config, behaviours, self._by.fitting.near)
-        fit = estimator.fit(last.config, behaviours, last.fitted, slopes)
+        slopes = estimator.slopes(look.config, behaviours, self._by.fitting.near)
+        fit = estimator.fit(look.config, behaviours, look.fitted, slopes, is_near=True)
         fresh = np.concatenate([slopes[behaviour.name] for behaviour in behaviours], 1)
-        fit = replace(fit, slopes=fresh)
-        if fit.config == last.config:
-            return estimator.polished(fit, behaviours, last.fitted)
-        return estimator.with_covariance(fit, behaviours, last.fitted)
+        return estimator.with_covariance(replace(fit, slopes=fresh), behaviours, look.fitted)
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""

@@ -77,7 +77,6 @@ class TrafficSettings:
     coverage: float = sensor_loop.DEFAULT.coverage  # of intervals
     power: float = sensor_loop.DEFAULT.dictionary.power  # deviate that 80 % power adds to a critical value
     at_floor: float = sensor_loop.DEFAULT.at_floor  # share by which an error may be above its floor
-    similar_errors: float = 2.0  # standard errors of the gain within which two candidates cannot be distinguished
     most_findings: int = 5
     shortest_s: float = 10.0  # of a recording
     longest_s: float = 7200.0
