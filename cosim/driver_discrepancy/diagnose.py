@@ -204,7 +204,7 @@ class _Diagnosis:
     def _fit_best(
         self, look: _Look, options: Sequence[tuple[Behaviour, BehaviourConfig]]
     ) -> tuple[list[_Try], dict[str, float]]:
-        """Fit the behaviours with the largest cross-fitted gains, and those that are similar to the best; best first."""
+        """Fit the behaviours with the largest cross-fitted gains and those similar to the best; the best first."""
         estimator = self._estimator(self._by.fitting.slope_seeds)
         slopes: dict[str, np.ndarray] = {}
         folds: dict[str, np.ndarray] = {}
