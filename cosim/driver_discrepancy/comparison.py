@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import open_case
 from cosim.driver_discrepancy.channels import CHANNELS
 from cosim.driver_discrepancy.evidence import ChannelEvidence, Significance, find_significance, gather_evidence
-from cosim.driver_discrepancy.scores import Scores, noise_floor, noise_floors, score_vehicles
+from cosim.driver_discrepancy.scores import Excess, Scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
@@ -21,7 +21,15 @@ from cosim.driver_discrepancy.tracks import Tracks
 
 @dataclass(frozen=True, eq=False)
 class StatisticRow:
-    """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence)."""
+    """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence).
+
+    Attributes:
+        name, condition, level: of the column.
+        measured, model: means.
+        sigma: standard deviation of their difference if the model is right.
+        p_value: family-wise.
+        errors: error of single vehicles and its noise floor, where these differ and the mean does not.
+    """
 
     name: str
     condition: str
@@ -30,6 +38,7 @@ class StatisticRow:
     model: float
     sigma: float
     p_value: float
+    errors: tuple[float, float] | None = None
 
     @property
     def unit(self) -> str:
@@ -39,11 +48,21 @@ class StatisticRow:
     @property
     def place(self) -> str:
         """Channel and condition in words."""
-        return self.name.replace("_", " ") + (f" ({self.condition}: {self.level})" if self.condition else "")
+        condition = f" ({self.condition}: {self.level})" if self.condition else ""
+        return self.name.replace("_", " ") + (" of single vehicles" if self.errors else condition)
+
+    @property
+    def difference(self) -> str:
+        """Measured and modelled value in words."""
+        if self.errors:
+            return f"{self.place}: error {self.errors[0]:.3g}, noise floor {self.errors[1]:.3g}"
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.place}: measured {self.measured:.3g}{unit}, model {self.model:.3g}{unit}"
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {**vars(self), "unit": self.unit}
+        values = {name: value for name, value in vars(self).items() if name != "errors"}
+        return {**values, "unit": self.unit}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +78,8 @@ class TrafficComparison:
         statistics: whole channels.
         parts: channels under conditions that both show.
         evidence: table of differences.
+        excess: test of the error against those of the model's own seeds; `families` tests share the level.
+        families: of tests that share the level.
         notes: limits of the data, a sentence each.
     """
 
@@ -71,7 +92,26 @@ class TrafficComparison:
     statistics: tuple[StatisticRow, ...]
     parts: tuple[StatisticRow, ...]
     evidence: ChannelEvidence
+    excess: Excess
+    families: int
     notes: tuple[str, ...]
+
+    @property
+    def is_above_floor(self) -> bool:
+        """Whether the error is larger than those of the model's own seeds by more than chance explains."""
+        return self.excess.p_value * self.families <= DEFAULT.level
+
+    @property
+    def vehicles_differ(self) -> tuple[StatisticRow, ...]:
+        """Channels in which single vehicles are predicted worse than by chance, if the error is above its floor."""
+        if not self.is_above_floor:
+            return ()
+        rows = {row.name: row for row in self.statistics}
+        return tuple(
+            replace(rows[name], p_value=max(self.excess.p_value * self.families, errors[2]), errors=errors[:2])
+            for name in self.excess.largest(DEFAULT.level)
+            for errors in [self.excess.channels[name]]
+        )
 
     @property
     def channels(self) -> Mapping[str, float]:
@@ -111,6 +151,8 @@ class TrafficComparison:
     def __str__(self) -> str:
         at = f"error {self.error:.3f}, noise floor {self.noise_floor:.3f}"
         if self.worst is None:
+            if self.vehicles_differ:
+                return f"{at}; worst: {self.vehicles_differ[0].difference}"
             at_floor = self.error <= (1 + DEFAULT.at_floor) * self.noise_floor
             return at + ("; at the floor" if at_floor else "; no channel differs significantly")
         row = self.worst
@@ -147,7 +189,7 @@ def traffic_compare(
 
 
 def compare_summaries(
-    measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...], families: int = 2
+    measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...], families: int = 3
 ) -> TrafficComparison:
     """A comparison from summaries; `families` of tests share the level."""
     evidence = gather_evidence(measured, runs)
@@ -164,6 +206,8 @@ def compare_summaries(
         statistics=tuple(row for row in rows if not row.condition),
         parts=tuple(row for row in rows if row.condition and np.isfinite(row.p_value)),
         evidence=evidence,
+        excess=find_excess(scores, runs),
+        families=families,
         notes=notes,
     )
 

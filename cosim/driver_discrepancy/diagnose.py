@@ -33,7 +33,7 @@ from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
 _MOST_UNEXPLAINED = 6
-_FAMILIES = 3  # whole channels, channels under conditions, and behaviours share the level
+_FAMILIES = 4  # whole channels, channels under conditions, behaviours, and the error share the level
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +181,9 @@ class _Diagnosis:
         tries, promise = self._fit_best(look, options)
         self._ranking = self._ranking or self._rank(options, promise, tries, look)
         for attempt in tries:
-            after = self._look(attempt.fit.config) if attempt.gain > 0 else None
-            if after is not None and _is_accepted(attempt.behaviour, self._held_out_fall(look, after)):
-                return self._add(attempt, tries, look, after)
+            better = self._add(attempt, tries, look) if attempt.gain > 0 else None
+            if better is not None:
+                return better
             self._refused.add(attempt.behaviour.name)
         return self._improve(look)
 
@@ -241,14 +241,18 @@ class _Diagnosis:
         ids = self._case.held_out
         return compare_scores(before.scores.of(ids), after.scores.of(ids))
 
-    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, fitted: _Look) -> _Look:
-        """Add a behaviour, refine the parameters of all, and look at the model again."""
+    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look) -> _Look | None:
+        """Refine the parameters of a behaviour and those found before; add it if the held-out error falls."""
         name, behaviour = attempt.behaviour.name, attempt.behaviour
-        self._say(f"adding {name}")
-        known = [BEHAVIOURS[finding.behaviour] for finding in self._found]
-        self._fit = self._refine(fitted, [*known, behaviour])
-        after = self._look(self._fit.config)
+        fitted = self._look(attempt.fit.config)
+        if not _is_accepted(behaviour, self._held_out_fall(look, fitted)):
+            return None
+        fit = self._refine(fitted, [*(BEHAVIOURS[finding.behaviour] for finding in self._found), behaviour])
+        after = self._look(fit.config)
         fall = self._held_out_fall(look, after)
+        if not _is_accepted(behaviour, fall):
+            return None
+        self._say(f"adding {name}")
         similar = tuple(
             other.behaviour.name
             for other in tries
@@ -260,7 +264,7 @@ class _Diagnosis:
         self._found.append(
             TrafficFinding(
                 behaviour=name,
-                params=self._fit.values[name],
+                params=fit.values[name],
                 before=behaviour.read(look.config, self._case.background),
                 ci95={},
                 p_value=look.p_value(behaviour),
@@ -273,6 +277,7 @@ class _Diagnosis:
                 streets=streets.edges if behaviour.condition == "street" and streets else (),
             )
         )
+        self._fit = fit
         return after
 
     def _conclude(self, first: _Look, last: _Look) -> TrafficDiagnosis:
@@ -353,7 +358,7 @@ class _Diagnosis:
 
 
 def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[StatisticRow, ...]:
-    """Columns that differ significantly, one of each channel, the clearest first.
+    """Columns that differ significantly, one of each channel, the clearest first; then channels of single vehicles.
 
     A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
     """
@@ -372,13 +377,17 @@ def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[Stati
         known = best.get(row.name)
         if known is None or size > known[0]:
             best[row.name] = (size, row)
-    ordered = sorted(best.values(), key=lambda pair: -pair[0])
-    return tuple(row for _, row in ordered[:_MOST_UNEXPLAINED])
+    ordered = [row for _, row in sorted(best.values(), key=lambda pair: -pair[0])]
+    ordered += [row for row in comparison.vehicles_differ if row.name not in best]
+    return tuple(ordered[:_MOST_UNEXPLAINED])
 
 
 def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
-    """Whether the held-out error falls; of a rare act, whether it does not rise significantly."""
-    return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
+    """Whether the held-out error falls by more than its standard error; of a rare act, whether it does not rise.
+
+    The rule of one standard error prefers the simpler model unless the other is clearly better (Breiman et al. 1984).
+    """
+    return fall.interval[1] > 0 if behaviour.is_incident else fall.size > fall.error
 
 
 def _signals(evidence: ChannelEvidence) -> list[Signal]:

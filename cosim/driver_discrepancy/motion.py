@@ -10,6 +10,7 @@ from cosim.driver_discrepancy.placed import Placed
 from cosim.driver_discrepancy.values import CLEAR_OF_ENDS_M, MOVES_MPS, RESTS_MPS, Values, on_street
 
 _FREE_M, _FREE_S = 40.0, 4.0
+_FOLLOWS_S = 5.0  # time headway above which a driver does not follow, however equal the speeds are
 _QUEUE_M = 8.0
 _CHANGING_LANES_M = 0.8
 _LONGEST_LAG_S = 5.0
@@ -65,7 +66,7 @@ def _unsteadiness(placed: Placed) -> Values:
 
 def _headway(placed: Placed) -> Values:
     speed, leader = placed.tracks.speed_mps, placed.leader
-    follows = (leader >= 0) & (speed > 4) & (placed.gap_m > 0) & (placed.gap_m < 3.0 * speed)
+    follows = (leader >= 0) & (speed > 4) & (placed.gap_m > 0) & (placed.gap_m < _FOLLOWS_S * speed)
     follows &= np.abs(speed - speed[np.maximum(leader, 0)]) < 0.8
     follows &= np.abs(np.nan_to_num(placed.acceleration_mps2, nan=9.0)) < _FLOW_MPS2
     return Values.at(follows, placed.gap_m / np.maximum(speed, 1.0))

@@ -47,7 +47,10 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = comparison.worst
     message = fill("The error is <b>{:.3f}</b>; the noise floor is {:.3f}. ", comparison.error, comparison.noise_floor)
-    if row is None:
+    if row is None and comparison.vehicles_differ:
+        words = "; ".join(other.difference for other in comparison.vehicles_differ)
+        message += fill('<span class="bad">Single vehicles differ</span>: {}.', words)
+    elif row is None:
         message += "No channel differs significantly from the model."
     else:
         message += fill(

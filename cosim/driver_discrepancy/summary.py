@@ -113,7 +113,7 @@ def summarise(
     tracks = placed.tracks
     red = frame.phases.red(placed, clock_s)
     keep = np.isin(kind_of(tracks, placed.network), FOUR_WHEELS)
-    measured = measure_channels(placed, red)
+    measured = measure_channels(placed, red, planned)
     frame_now = _moved(frame, clock_s)
     codes = condition_codes(placed, frame_now, red)
     columns, sums, weights = _tables(placed, measured, codes, dict(frame.centres))
