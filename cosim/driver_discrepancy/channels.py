@@ -43,16 +43,18 @@ class Channel:
 CHANNELS: dict[str, Channel] = {
     "speed": Channel("speed", "of the limit", 0.1, 0.01, "speed when moving"),
     "free_speed": Channel("speed", "of the limit", 0.05, 0.01, "speed without a leader"),
-    "free_speed_spread": Channel("speed", "of the limit²", 0.005, 0.001, "spread of the free speed between drivers"),
-    "slow_drivers": Channel("speed", "", 0.2, 0.02, "share of drivers far below the mean free speed"),
-    "fast_drivers": Channel("speed", "", 0.2, 0.02, "share of drivers far above the mean free speed"),
+    "free_speed_spread": Channel(
+        "speed", "of the limit²", 0.005, 0.001, "spread of the free speed between drivers, about the measured mean"
+    ),
+    "slow_drivers": Channel("speed", "", 0.2, 0.02, "share of drivers far below the measured mean free speed"),
+    "fast_drivers": Channel("speed", "", 0.2, 0.02, "share of drivers far above the measured mean free speed"),
     "bend_speed": Channel("speed", "m/s", 0.5, 0.12, "speed in bends"),
     "acceleration": Channel("acceleration", "m/s²", 0.2, 0.05, "acceleration on a free road"),
     "deceleration": Channel("deceleration", "m/s²", 0.3, 0.08, "deceleration when braking"),
     "jerk": Channel("jerk", "m/s³", 1.0, 0.15, "change of the acceleration"),
     "unsteadiness": Channel("jerk", "m/s²", 0.2, 0.04, "change of the acceleration when cruising"),
-    "headway": Channel("headway", "s", 0.3, 0.06, "time headway when following"),
-    "space_headway": Channel("headway", "m", 3.0, 0.5, "distance to the leader"),
+    "headway": Channel("headway", "s", 0.3, 0.06, "net time headway (time gap) when following"),
+    "space_headway": Channel("headway", "m", 3.0, 0.5, "net distance to the leader"),
     "standing_gap": Channel("standing_gap", "m", 0.3, 0.08, "gap to the leader in a queue"),
     "startup_lag": Channel("startup_lag", "s", 0.4, 0.1, "delay behind the leader when a queue starts"),
     "acceleration_memory": Channel("reaction", "", 0.2, 0.03, "acceleration left after 0.4 s"),
@@ -60,7 +62,9 @@ CHANNELS: dict[str, Channel] = {
     "follower_response": Channel("reaction", "", 0.3, 0.08, "response to the leader's acceleration after 1 s"),
     "decisions": Channel("reaction", "", 0.2, 0.004, "share of time steps with a new acceleration"),
     "lateral": Channel("lateral", "m", 0.05, 0.012, "lateral position in the lane, to the left"),
-    "lateral_spread": Channel("lateral", "m²", 0.005, 0.001, "spread of the lateral position between drivers"),
+    "lateral_spread": Channel(
+        "lateral", "m²", 0.005, 0.001, "spread of the lateral position between drivers, about the measured mean"
+    ),
     "lateral_motion": Channel("lateral", "m/s", 0.05, 0.01, "lateral speed in the lane"),
     "lane_changes_speed": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes past a slow leader", True),
     "lane_changes_right": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes to the right", True),

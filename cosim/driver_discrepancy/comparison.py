@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import open_case
-from cosim.driver_discrepancy.channels import CHANNELS
+from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.evidence import ChannelEvidence, Significance, find_significance, gather_evidence
 from cosim.driver_discrepancy.scores import Excess, Scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
@@ -57,7 +57,8 @@ class StatisticRow:
         if self.errors:
             return f"{self.place}: error {self.errors[0]:.3g}, noise floor {self.errors[1]:.3g}"
         unit = f" {self.unit}" if self.unit else ""
-        return f"{self.place}: measured {self.measured:.3g}{unit}, model {self.model:.3g}{unit}"
+        measured, model = (f"{round(value, 4) + 0.0:.3g}{unit}" for value in (self.measured, self.model))
+        return f"{self.place}: measured {measured}, model {model}"
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -120,9 +121,13 @@ class TrafficComparison:
 
     @property
     def worst(self) -> StatisticRow | None:
-        """The whole channel that differs most, if chance does not explain it."""
-        significant = [row for row in self.statistics if row.p_value <= DEFAULT.level]
-        return max(significant, key=lambda row: abs(row.measured - row.model) / row.sigma) if significant else None
+        """The whole channel that differs most, if chance does not explain it.
+
+        Differences between drivers are counted about the measured mean, so that they follow from a different mean.
+        """
+        significant = {row.name: row for row in self.statistics if row.p_value <= DEFAULT.level}
+        own = [row for name, row in significant.items() if BASES.get(name) not in significant]
+        return max(own, key=lambda row: abs(row.measured - row.model) / row.sigma, default=None)
 
     def to_json(self) -> dict[str, Any]:
         """Contents of the file of `cosim traffic-compare --json`."""
@@ -155,9 +160,7 @@ class TrafficComparison:
                 return f"{at}; worst: {self.vehicles_differ[0].difference}"
             at_floor = self.error <= (1 + DEFAULT.at_floor) * self.noise_floor
             return at + ("; at the floor" if at_floor else "; no channel differs significantly")
-        row = self.worst
-        unit = f" {row.unit}" if row.unit else ""
-        return f"{at}; worst: {row.name.replace('_', ' ')} {row.measured:.3g}{unit}, model {row.model:.3g}"
+        return f"{at}; worst: {self.worst.difference}"
 
 
 def traffic_compare(

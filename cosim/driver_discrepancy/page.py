@@ -29,7 +29,7 @@ from cosim.report.ranking_table import ranking_section
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {
     "speed": ("Speeds of moving vehicles", "speed [m/s]", SPEED_BINS, 2),
-    "headway": ("Time headways to the leader", "headway [s]", HEADWAY_BINS, 2),
+    "headway": ("Net time headways (time gaps) to the leader", "leader’s rear to own front [s]", HEADWAY_BINS, 2),
     "acceleration": ("Accelerations", "acceleration [m/s²]", ACCELERATION_BINS, 1),
     "lateral": ("Lateral positions in the lane", "to the left [m]", LATERAL_BINS, 2),
 }
@@ -288,6 +288,8 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
         if not drawn:
             continue
         shown = np.flatnonzero(np.max([curve for _, curve in curves], axis=0) > _LOWEST_SHOWN)
+        if len(shown) < 2:  # all are the same
+            continue
         low, high = max(shown.min() - 1, 0), min(shown.max() + 2, len(edges) - 1)
         top = 1.12 * max(float(curve.max()) for curve in drawn)
         plot = Plot(Axis(float(edges[low]), float(edges[high]), label), Axis(0, top, "share", percent=True), title)
