@@ -12,7 +12,7 @@ from cosim.driver_discrepancy.evidence import (
     find_significance,
     gather_evidence,
 )
-from cosim.driver_discrepancy.scores import compare_scores, noise_floor, noise_floors, score_vehicles
+from cosim.driver_discrepancy.scores import compare_scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 
 CHANNELS = ("speed", "acceleration", "headway", "stops")
@@ -130,3 +130,30 @@ def test_few_vehicles_have_an_error_too(count: int) -> None:
 
 def test_two_simulations_have_no_noise_floor() -> None:
     assert np.isnan(noise_floor([summary(np.random.default_rng(seed), {}) for seed in range(2)]))
+
+
+def test_single_vehicles_that_differ_are_detected_where_means_do_not() -> None:
+    measured, runs = drawn(9, {})
+    measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
+    excess = find_excess(score_vehicles(measured, runs), runs)
+    assert find_significance(gather_evidence(measured, runs), np.random.default_rng(0)).smallest > 0.05
+    assert excess.p_value < 0.01
+    assert excess.largest(0.05) == ["headway"]
+
+
+def test_the_error_of_the_true_model_has_no_excess() -> None:
+    recordings = [drawn(seed, {}) for seed in range(40)]
+    p_values = [find_excess(score_vehicles(measured, runs), runs).p_value for measured, runs in recordings]
+    assert sum(p_value <= 0.05 for p_value in p_values) <= 6
+    assert 0.3 < np.mean(p_values) < 0.7
+
+
+@pytest.mark.parametrize(("vehicles", "is_significant"), [(8, True), (2, False)])
+def test_events_of_few_vehicles_count_if_no_simulation_has_them(vehicles: int, is_significant: bool) -> None:
+    measured, runs = drawn(10, {})
+    for one in (measured, *runs):
+        one.sums[:, 3], one.weights[:, 3] = 0.0, 0.1
+    measured.sums[:vehicles, 3] = 1.0
+    runs[0].sums[0, 3] = 1.0
+    significance = find_significance(gather_evidence(measured, runs), np.random.default_rng(0))
+    assert (significance.p_values[3] < 0.05) == is_significant
