@@ -79,6 +79,7 @@ class TrafficComparison:
         statistics: whole channels.
         parts: channels under conditions that both show.
         evidence: table of differences.
+        significance: of its columns.
         excess: test of the error against those of the model's own seeds; `families` tests share the level.
         families: of tests that share the level.
         notes: limits of the data, a sentence each.
@@ -93,6 +94,7 @@ class TrafficComparison:
     statistics: tuple[StatisticRow, ...]
     parts: tuple[StatisticRow, ...]
     evidence: ChannelEvidence
+    significance: Significance
     excess: Excess
     families: int
     notes: tuple[str, ...]
@@ -209,6 +211,7 @@ def compare_summaries(
         statistics=tuple(row for row in rows if not row.condition),
         parts=tuple(row for row in rows if row.condition and np.isfinite(row.p_value)),
         evidence=evidence,
+        significance=significance,
         excess=find_excess(scores, runs),
         families=families,
         notes=notes,

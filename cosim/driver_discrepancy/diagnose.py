@@ -14,25 +14,22 @@ from cosim.capture.config import RunConfig, load_config
 from cosim.discrepancy.selection.gain import is_rival
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour, Signal
 from cosim.driver_discrepancy.case import Case, open_case
-from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison, compare_summaries
+from cosim.driver_discrepancy.comparison import TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
 from cosim.driver_discrepancy.evidence import (
     ChannelEvidence,
-    Significance,
-    departures,
     find_directions,
-    find_significance,
     gather_evidence,
 )
-from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
+from cosim.driver_discrepancy.scores import Fall, compare_scores, noise_floor
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
+from cosim.driver_discrepancy.unexplained import find_unexplained
 from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
-_MOST_UNEXPLAINED = 6
 _FAMILIES = 4  # whole channels, channels under conditions, behaviours, and the error share the level
 
 
@@ -41,30 +38,31 @@ class _Look:
     """The current model, simulated with all seeds, and the evidence against it.
 
     Attributes:
-        config, runs: the model and its simulations.
-        significance: of columns.
+        config: the model.
+        comparison: with all vehicles.
         behaviours: family-wise p-value of each behaviour, by the direction in which it changes the columns.
-        all, fitted: evidence of all vehicles, and of those that are fitted.
-        scores: errors of vehicles.
+        fitted: evidence of the vehicles that are fitted.
     """
 
     config: BehaviourConfig
-    runs: list[Summary]
-    significance: Significance
+    comparison: TrafficComparison
     behaviours: Mapping[str, float]
-    all: ChannelEvidence
     fitted: ChannelEvidence
-    scores: Scores
+
+    @property
+    def all(self) -> ChannelEvidence:
+        """Evidence of all vehicles."""
+        return self.comparison.evidence
 
     @property
     def smallest(self) -> float:
         """The smallest p-value."""
-        return min(self.significance.smallest, min(self.behaviours.values(), default=1.0))
+        return min(self.comparison.significance.smallest, min(self.behaviours.values(), default=1.0))
 
     def p_value(self, behaviour: Behaviour) -> float:
         """Family-wise, of a behaviour: of its direction, or of a column that shows it."""
         shown = [behaviour.shows(column.channel, column.condition) for column in self.all.columns]
-        column = float(self.significance.p_values[shown].min(initial=1.0))
+        column = float(self.comparison.significance.p_values[shown].min(initial=1.0))
         return min(column, self.behaviours.get(behaviour.name, 1.0))
 
 
@@ -148,24 +146,22 @@ class _Diagnosis:
         self._say(f"simulating with {len(self._seeds)} seeds")
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
         measured, ids = self._case.measured, self._case.fitted
-        evidence = gather_evidence(measured, runs, self._by)
+        comparison = compare_summaries(measured, runs, self._case.notes, _FAMILIES)
+        evidence = comparison.evidence
         rows = np.array([self._index[column] for column in evidence.columns], int)
         directions = {name: slopes[rows] for name, slopes in self._directions.items()}
         return _Look(
             config,
-            runs,
-            find_significance(evidence, np.random.default_rng(1), self._by, _FAMILIES),
+            comparison,
             find_directions(evidence, directions, np.random.default_rng(2), self._by, _FAMILIES),
-            evidence,
             gather_evidence(measured.of(ids), [run.of(ids) for run in runs], self._by),
-            score_vehicles(measured, runs),
         )
 
     @cached_property
     def _directions(self) -> dict[str, np.ndarray]:
         """Change of all columns with the parameters of each behaviour, from the model as given."""
         self._say("simulating what each behaviour changes")
-        estimator = self._estimator(self._by.fitting.slope_seeds)
+        estimator = self._estimator(self._by.fitting.direction_seeds)
         return estimator.slopes_together(self._case.behaviour, self._case.measured.columns)
 
     @cached_property
@@ -239,7 +235,7 @@ class _Diagnosis:
 
     def _held_out_fall(self, before: _Look, after: _Look) -> Fall:
         ids = self._case.held_out
-        return compare_scores(before.scores.of(ids), after.scores.of(ids))
+        return compare_scores(before.comparison.scores.of(ids), after.comparison.scores.of(ids))
 
     def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look) -> _Look | None:
         """Refine the parameters of a behaviour and those found before; add it if the held-out error falls."""
@@ -247,7 +243,8 @@ class _Diagnosis:
         fitted = self._look(attempt.fit.config)
         if not _is_accepted(behaviour, self._held_out_fall(look, fitted)):
             return None
-        fit = self._refine(fitted, [*(BEHAVIOURS[finding.behaviour] for finding in self._found), behaviour])
+        known = [BEHAVIOURS[finding.behaviour] for finding in self._found]
+        fit = self._refine(fitted, attempt.fit, [*known, behaviour])
         after = self._look(fit.config)
         fall = self._held_out_fall(look, after)
         if not _is_accepted(behaviour, fall):
@@ -287,8 +284,8 @@ class _Diagnosis:
             ends = intervals(self._fit, behaviours, last.fitted.freedom, self._by.coverage)
             values = self._fit.values
             findings = [replace(one, params=values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
-        before, after = self._compare(first), self._compare(last)
-        left = find_unexplained(after, self._by.level)
+        before, after = first.comparison, last.comparison
+        left = find_unexplained(after, last.behaviours, self._by.level)
         ambiguous = any(finding.also_possible for finding in findings)
         ids = self._case.held_out
         return TrafficDiagnosis(
@@ -298,29 +295,40 @@ class _Diagnosis:
             smallest_detectable={} if findings else self._smallest(last),
             before=before,
             after=after,
-            error_before=first.scores.of(ids).error,
-            error_after=last.scores.of(ids).error,
-            noise_floor=noise_floor([run for run in last.runs], ids),
+            error_before=before.scores.of(ids).error,
+            error_after=after.scores.of(ids).error,
+            noise_floor=noise_floor(after.runs, ids),
             config=self._config.model_copy(update={"behaviour": last.config}) if findings else self._config,
             unexplained=left,
             simulations=self._simulations.count,
         )
 
-    def _refine(self, look: _Look, behaviours: Sequence[Behaviour]) -> Fit:
-        """Linearise about the model that was simulated with all seeds, and take further steps from there."""
+    def _refine(self, look: _Look, start: Fit, behaviours: Sequence[Behaviour]) -> Fit:
+        """Linearise about a fit that was simulated with all seeds, and take further steps unless they are small."""
         self._say("refining the parameters")
         estimator = self._estimator(self._by.fitting.seeds)
         slopes = estimator.slopes(look.config, behaviours, self._by.fitting.near)
         fit = estimator.fit(look.config, behaviours, look.fitted, slopes, is_near=True)
         fresh = np.concatenate([slopes[behaviour.name] for behaviour in behaviours], 1)
-        return estimator.with_covariance(replace(fit, slopes=fresh), behaviours, look.fitted)
+        fit = estimator.with_covariance(replace(fit, slopes=fresh), behaviours, look.fitted)
+        moved = [
+            abs(fit.values[one.name][knob.name] - start.values[one.name][knob.name])
+            for one in behaviours
+            for knob in one.knobs
+        ]
+        if (np.array(moved) < self._by.fitting.small * np.sqrt(np.diag(fit.covariance))).all():
+            return replace(fit, config=look.config, values=start.values)
+        return fit
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""
         rows = np.array([self._index[column] for column in last.all.columns], int)
         found: dict[str, dict[str, float]] = {}
         for name, slope in self._directions.items():
-            ratio = np.abs(slope[rows]) / (last.all.sigma * (last.significance.critical + self._by.power))[:, None]
+            ratio = (
+                np.abs(slope[rows])
+                / (last.all.sigma * (last.comparison.significance.critical + self._by.power))[:, None]
+            )
             steepest = ratio.max(0, initial=0.0)
             found[name] = {
                 knob.name: float(1 / value)
@@ -352,34 +360,6 @@ class _Diagnosis:
 
     def _penalty(self, behaviour: Behaviour) -> float:
         return len(behaviour.knobs) * float(np.log(max(len(self._case.fitted), 2)))
-
-    def _compare(self, look: _Look) -> TrafficComparison:
-        return compare_summaries(self._case.measured, look.runs, self._case.notes, _FAMILIES)
-
-
-def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[StatisticRow, ...]:
-    """Columns that differ significantly, one of each channel, the clearest first; then channels of single vehicles.
-
-    A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
-    """
-    evidence = comparison.evidence
-    at = {(column.channel, column.condition, column.level): row for row, column in enumerate(evidence.columns)}
-    rows = [row for row in (*comparison.statistics, *comparison.parts) if row.p_value <= level]
-    best: dict[str, tuple[float, StatisticRow]] = {}
-    for row in rows:
-        whole = next((other for other in rows if other.name == row.name and not other.condition), None)
-        if row.condition and whole is not None:
-            parts = np.array([position for key, position in at.items() if key[0] == row.name and key[1]])
-            departs = departures(evidence, at[row.name, "", ""], parts)
-            if departs[parts == at[row.name, row.condition, row.level]][0] > level:
-                continue
-        size = abs(row.measured - row.model) / row.sigma
-        known = best.get(row.name)
-        if known is None or size > known[0]:
-            best[row.name] = (size, row)
-    ordered = [row for _, row in sorted(best.values(), key=lambda pair: -pair[0])]
-    ordered += [row for row in comparison.vehicles_differ if row.name not in best]
-    return tuple(ordered[:_MOST_UNEXPLAINED])
 
 
 def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:

@@ -31,7 +31,9 @@ class Fitting:
     tried: int = 2  # candidates a round
     seeds: int = 2  # simulations a step of a fit
     slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
+    direction_seeds: int = 2  # simulations of the directions in which behaviours change the channels
     near: float = 0.5  # share of a parameter's step for slopes about a fit
+    small: float = 0.25  # standard errors: a refined fit that moves less is not simulated again
     nearly: float = 0.3  # minimum share of the best candidate's predicted gain for a fit
     rounds: int = 4  # steps of a fit at most
     enough: float = 0.1  # decrease of chi² too small for another simulation
