@@ -31,7 +31,7 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
     words = (
         "Fundamental diagrams: one dot per street and 30 s, density and flow after Edie, all with the same axes. "
         f"Space–time diagrams: all lanes of {_street_words(measured)}, one line per vehicle, from the start of the "
-        "street to its stop line; lines of different lanes may cross. Of each model the first seed is drawn."
+        "street to its end; lines of different lanes may cross. Of each model the first seed is drawn."
     )
     swatches = Markup().join(
         fill('<span><i style="background:var(--{})"></i> {}</span>', style, name) for name, style, _ in drawn

@@ -111,9 +111,9 @@ def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) ->
 
 
 def _verdict(diagnosis: TrafficDiagnosis) -> str:
-    fall = (
-        f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; the noise floor is {diagnosis.noise_floor:.3f}"
-    )
+    floor = f"the noise floor is {diagnosis.noise_floor:.3f}"
+    fall = f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; {floor}"
+    error = f"The held-out error is {diagnosis.error_before:.3f}; {floor}."
     if diagnosis.effects:
         names = [fill("<b>{}</b> ({})", one.behaviour, parameter_words(one)) for one in diagnosis.effects]
         parts: list[str] = [fill('<span class="bad">Missing</span>: {}.', Markup("; ").join(names))]
@@ -130,13 +130,11 @@ def _verdict(diagnosis: TrafficDiagnosis) -> str:
     elif diagnosis.unexplained:
         words = unexplained_words(diagnosis)
         parts = [
-            fill('<span class="warn">Unknown:</span> {} differ; no behaviour of the catalogue explains it.', words)
+            fill('<span class="warn">Unknown:</span> {} differ; no behaviour of the catalogue explains it.', words),
+            error,
         ]
     else:
-        parts = ["No missing behaviour is significant."]
-        parts.append(
-            f"The held-out error is {diagnosis.error_before:.3f}; the noise floor is {diagnosis.noise_floor:.3f}."
-        )
+        parts = ["No missing behaviour is significant.", error]
         parts.append(f"A change would have been detected with 80 % power: {smallest_words(diagnosis)}.")
     if diagnosis.effects and diagnosis.unexplained:
         parts.append(fill('<span class="warn">Left unexplained:</span> {}.', unexplained_words(diagnosis)))
