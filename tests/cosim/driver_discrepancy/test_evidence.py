@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cosim.driver_discrepancy.comparison import compare_summaries
 from cosim.driver_discrepancy.evidence import (
     cross_fitted_gain,
     departures,
@@ -14,6 +15,7 @@ from cosim.driver_discrepancy.evidence import (
 )
 from cosim.driver_discrepancy.scores import compare_scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
+from cosim.driver_discrepancy.unexplained import find_unexplained
 
 CHANNELS = ("speed", "acceleration", "headway", "stops")
 COLUMNS = (*(SummaryColumn(name) for name in CHANNELS), *(SummaryColumn("speed", "street", f"s{k}") for k in range(6)))
@@ -157,3 +159,20 @@ def test_events_of_few_vehicles_count_if_no_simulation_has_them(vehicles: int, i
     runs[0].sums[0, 3] = 1.0
     significance = find_significance(gather_evidence(measured, runs), np.random.default_rng(0))
     assert (significance.p_values[3] < 0.05) == is_significant
+
+
+def test_a_significant_behaviour_that_was_refused_is_listed_by_its_channel() -> None:
+    comparison = compare_summaries(*drawn(0, {}), ())
+    assert not find_unexplained(comparison, {"acceleration_ability": 0.2}, 0.05)
+    listed = find_unexplained(comparison, {"acceleration_ability": 0.01}, 0.05)
+    assert [row.name for row in listed] == ["acceleration"]
+
+
+def test_a_channel_of_single_vehicles_is_named_with_its_error() -> None:
+    measured, runs = drawn(9, {})
+    measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
+    comparison = compare_summaries(measured, runs, ())
+    (row,) = find_unexplained(comparison, {}, 0.05)
+    assert row.place == "headway of single vehicles"
+    assert "noise floor" in row.difference
+    assert str(comparison).endswith(row.difference)
