@@ -30,6 +30,7 @@ class Channel:
         resolution: differences so small are not attributed to drivers.
         words: description on pages.
         is_event: counted by vehicle in the error, instead of averaged.
+        is_act: events are decisions of single drivers; others have a common cause, such as the stops in a queue.
     """
 
     group: str
@@ -38,6 +39,7 @@ class Channel:
     resolution: float
     words: str
     is_event: bool = False
+    is_act: bool = False
 
 
 CHANNELS: dict[str, Channel] = {
@@ -66,19 +68,19 @@ CHANNELS: dict[str, Channel] = {
         "lateral", "m²", 0.005, 0.001, "spread of the lateral position between drivers, about the measured mean"
     ),
     "lateral_motion": Channel("lateral", "m/s", 0.05, 0.01, "lateral speed in the lane"),
-    "lane_changes_speed": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes past a slow leader", True),
-    "lane_changes_right": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes to the right", True),
-    "lane_changes_route": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes before a turn", True),
-    "lane_changes_other": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes without a reason", True),
+    "lane_changes_speed": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes past a slow leader", True, True),
+    "lane_changes_right": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes to the right", True, True),
+    "lane_changes_route": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes before a turn", True, True),
+    "lane_changes_other": Channel("lane_changes", "/min", 0.3, 0.1, "lane changes without a reason", True, True),
     "lane_use": Channel("lane_changes", "", 0.2, 0.02, "share of time left of the right lane"),
     "accepted_gap": Channel("gap_acceptance", "s", 1.0, 0.2, "accepted gap in the major stream, 10 s at most"),
     "rejected_gap": Channel("gap_acceptance", "s", 1.0, 0.2, "rejected gap in the major stream, 10 s at most"),
     "yielding": Channel("gap_acceptance", "", 0.2, 0.02, "share of time standing before a junction without priority"),
-    "u_turns": Channel("u_turns", "/h", 0.3, 0.0, "U-turns", True),
-    "pull_outs": Channel("pull_outs", "/h", 0.3, 0.0, "pull-outs of parked vehicles", True),
+    "u_turns": Channel("u_turns", "/h", 0.3, 0.0, "U-turns", True, True),
+    "pull_outs": Channel("pull_outs", "/h", 0.3, 0.0, "pull-outs of parked vehicles", True, True),
     "stops": Channel("stops", "/min", 0.5, 0.1, "stops", True),
     "standing": Channel("stops", "", 0.1, 0.015, "share of time standing"),
-    "red_entries": Channel("signals", "/entry", 0.1, 0.02, "vehicles that enter a junction at red", True),
+    "red_entries": Channel("signals", "/entry", 0.1, 0.02, "vehicles that enter a junction at red", True, True),
     "counts": Channel("counts", "/vehicle", 1.0, 0.02, "streets entered", True),
     "left_turns": Channel("counts", "", 0.3, 0.02, "share of left turns"),
     "right_turns": Channel("counts", "", 0.3, 0.02, "share of right turns"),

@@ -93,9 +93,10 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     channels = [CHANNELS[columns[number].channel] for number in at.tolist()]
     events = np.array([channel.is_event for channel in channels], bool)
     vehicles = (differences**2).sum(0)
-    # Few vehicles have events, and their squares would limit the difference: its variance is that of all recordings.
+    # Few vehicles act, and their squares would limit the difference: its variance is that of all recordings.
+    acts = np.array([channel.is_act for channel in channels], bool)
     simulated = ((single - model) ** 2).sum((0, 1)) * (count / max(count - 1, 1))
-    vehicles = np.where(events, (vehicles + simulated) / (1 + count), vehicles)
+    vehicles = np.where(acts, (vehicles + simulated) / (1 + count), vehicles)
     freedom = by.gate.vehicle_freedom
     pooled = (freedom * vehicles + (count - 1) * between) / (freedom + count - 1)
     expected = np.maximum((own_sums.sum(0)[at] + sums.sum((0, 1))[at]) / (1 + count), 1.0)

@@ -17,7 +17,7 @@ from cosim.driver_discrepancy.scores import compare_scores, find_excess, noise_f
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.unexplained import find_unexplained
 
-CHANNELS = ("speed", "acceleration", "headway", "stops")
+CHANNELS = ("speed", "acceleration", "headway", "lane_changes_other")
 COLUMNS = (*(SummaryColumn(name) for name in CHANNELS), *(SummaryColumn("speed", "street", f"s{k}") for k in range(6)))
 
 
@@ -135,7 +135,7 @@ def test_two_simulations_have_no_noise_floor() -> None:
 
 
 def test_single_vehicles_that_differ_are_detected_where_means_do_not() -> None:
-    measured, runs = drawn(9, {})
+    measured, runs = drawn(11, {})
     measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
     excess = find_excess(score_vehicles(measured, runs), runs)
     assert find_significance(gather_evidence(measured, runs), np.random.default_rng(0)).smallest > 0.05
@@ -151,7 +151,7 @@ def test_the_error_of_the_true_model_has_no_excess() -> None:
 
 
 @pytest.mark.parametrize(("vehicles", "is_significant"), [(8, True), (2, False)])
-def test_events_of_few_vehicles_count_if_no_simulation_has_them(vehicles: int, is_significant: bool) -> None:
+def test_acts_of_few_drivers_count_if_no_simulation_has_them(vehicles: int, is_significant: bool) -> None:
     measured, runs = drawn(10, {})
     for one in (measured, *runs):
         one.sums[:, 3], one.weights[:, 3] = 0.0, 0.1
@@ -169,7 +169,7 @@ def test_a_significant_behaviour_that_was_refused_is_listed_by_its_channel() -> 
 
 
 def test_a_channel_of_single_vehicles_is_named_with_its_error() -> None:
-    measured, runs = drawn(9, {})
+    measured, runs = drawn(11, {})
     measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
     comparison = compare_summaries(measured, runs, ())
     (row,) = find_unexplained(comparison, {}, 0.05)
