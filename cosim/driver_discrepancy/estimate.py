@@ -25,14 +25,13 @@ class Fit:
     Attributes:
         config: with them.
         values: behaviour → parameter → value.
-        chi2_before, chi2: sum of squared standardised differences of whole channels, before and after.
+        chi2: sum of squared standardised differences of the columns that are scored.
         slopes: (c, parameters) of all columns; zero for those without evidence.
         covariance: (parameters, parameters).
     """
 
     config: BehaviourConfig
     values: Values
-    chi2_before: float
     chi2: float
     slopes: np.ndarray
     covariance: np.ndarray
@@ -169,9 +168,9 @@ class Estimator:
         jacobian *= own[:, None]
         at = self._feasible(config, behaviours, at)
         whole = np.ones(len(evidence.columns), bool) if scored is None else scored
-        before = rest = self._rest(config, behaviours, at, evidence)
-        offset = np.nan_to_num(evidence.z) - before if is_near else np.zeros(len(before))
-        before = rest = before + offset
+        rest = self._rest(config, behaviours, at, evidence)
+        offset = np.nan_to_num(evidence.z) - rest if is_near else np.zeros(len(rest))
+        rest = rest + offset
         for _ in range(self._by.fitting.rounds):
             step = self._feasible(config, behaviours, at + self._solve(jacobian, rest, plain)) - at
             foreseen = rest - jacobian @ step
@@ -190,7 +189,6 @@ class Estimator:
         return Fit(
             config=_written(config, behaviours, values),
             values=values,
-            chi2_before=float(before[whole] @ before[whole]),
             chi2=float(rest[whole] @ rest[whole]),
             slopes=full,
             covariance=self._covariance(jacobian, plain),

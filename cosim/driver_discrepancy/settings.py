@@ -1,7 +1,7 @@
 """Settings of the diagnosis of driver behaviour, each with its unit, grouped by step.
 
 They were chosen on recordings of town02 with seeds that no benchmark uses. Constants that define a statistic, such as
-the gap above which a driver is free, are in `manners`.
+the gap above which a driver is free, are in the modules of the channels.
 """
 
 from __future__ import annotations
