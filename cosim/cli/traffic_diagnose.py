@@ -69,5 +69,6 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     page = write_page(folder, format_diagnosis(result, str(options.measured), str(options.config)))
     if not options.quiet:
         print(headline(result))
-    console.print(f"{page}; the improved configuration: {result.config_out}", soft_wrap=True, highlight=False)
+    improved = f"; the improved configuration: {result.config_out}" if result.effects else ""
+    console.print(f"{page}{improved}", soft_wrap=True, highlight=False)
     write_json(options.json, without_nan(result.to_json()))

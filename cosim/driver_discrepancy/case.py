@@ -13,9 +13,9 @@ import numpy as np
 
 from cosim.capture.config import RunConfig, load_config
 from cosim.driver_discrepancy.behaviours import Background, with_common_luck
-from cosim.driver_discrepancy.channels import changes_of_lane
 from cosim.driver_discrepancy.conditions import ConditionFrame, choose_frame
 from cosim.driver_discrepancy.demand import MeasuredDemand, own_speed_factor, read_demand, route_files
+from cosim.driver_discrepancy.lane_use import changes_of_lane
 from cosim.driver_discrepancy.matching import match_lanes
 from cosim.driver_discrepancy.network import Network, read_network
 from cosim.driver_discrepancy.observation import Observation, estimate_observation, resample

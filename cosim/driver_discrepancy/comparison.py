@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,9 @@ import numpy as np
 
 from cosim.capture.config import RunConfig
 from cosim.driver_discrepancy.case import open_case
-from cosim.driver_discrepancy.channels import CHANNELS
+from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.evidence import ChannelEvidence, Significance, find_significance, gather_evidence
-from cosim.driver_discrepancy.scores import Scores, noise_floor, noise_floors, score_vehicles
+from cosim.driver_discrepancy.scores import Excess, Scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.settings import DEFAULT
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
@@ -21,7 +21,15 @@ from cosim.driver_discrepancy.tracks import Tracks
 
 @dataclass(frozen=True, eq=False)
 class StatisticRow:
-    """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence)."""
+    """One column: measured, modelled, and the family-wise p-value of their difference (NaN without evidence).
+
+    Attributes:
+        name, condition, level: of the column.
+        measured, model: means.
+        sigma: standard deviation of their difference if the model is right.
+        p_value: family-wise.
+        errors: error of single vehicles and its noise floor, where these differ and the mean does not.
+    """
 
     name: str
     condition: str
@@ -30,6 +38,7 @@ class StatisticRow:
     model: float
     sigma: float
     p_value: float
+    errors: tuple[float, float] | None = None
 
     @property
     def unit(self) -> str:
@@ -39,11 +48,22 @@ class StatisticRow:
     @property
     def place(self) -> str:
         """Channel and condition in words."""
-        return self.name.replace("_", " ") + (f" ({self.condition}: {self.level})" if self.condition else "")
+        condition = f" ({self.condition}: {self.level})" if self.condition else ""
+        return self.name.replace("_", " ") + (" of single vehicles" if self.errors else condition)
+
+    @property
+    def difference(self) -> str:
+        """Measured and modelled value in words."""
+        if self.errors:
+            return f"{self.place}: error {self.errors[0]:.3g}, noise floor {self.errors[1]:.3g}"
+        unit = f" {self.unit}" if self.unit else ""
+        measured, model = (f"{round(value, 4) + 0.0:.3g}{unit}" for value in (self.measured, self.model))
+        return f"{self.place}: measured {measured}, model {model}"
 
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
-        return {**vars(self), "unit": self.unit}
+        values = {name: value for name, value in vars(self).items() if name != "errors"}
+        return {**values, "unit": self.unit}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +79,9 @@ class TrafficComparison:
         statistics: whole channels.
         parts: channels under conditions that both show.
         evidence: table of differences.
+        significance: of its columns.
+        excess: test of the error against those of the model's own seeds; `families` tests share the level.
+        families: of tests that share the level.
         notes: limits of the data, a sentence each.
     """
 
@@ -71,7 +94,27 @@ class TrafficComparison:
     statistics: tuple[StatisticRow, ...]
     parts: tuple[StatisticRow, ...]
     evidence: ChannelEvidence
+    significance: Significance
+    excess: Excess
+    families: int
     notes: tuple[str, ...]
+
+    @property
+    def is_above_floor(self) -> bool:
+        """Whether the error is larger than those of the model's own seeds by more than chance explains."""
+        return self.excess.p_value * self.families <= DEFAULT.level
+
+    @property
+    def vehicles_differ(self) -> tuple[StatisticRow, ...]:
+        """Channels in which single vehicles are predicted worse than by chance, if the error is above its floor."""
+        if not self.is_above_floor:
+            return ()
+        rows = {row.name: row for row in self.statistics}
+        return tuple(
+            replace(rows[name], p_value=max(self.excess.p_value * self.families, errors[2]), errors=errors[:2])
+            for name in self.excess.largest(DEFAULT.level)
+            for errors in [self.excess.channels[name]]
+        )
 
     @property
     def channels(self) -> Mapping[str, float]:
@@ -80,9 +123,13 @@ class TrafficComparison:
 
     @property
     def worst(self) -> StatisticRow | None:
-        """The whole channel that differs most, if chance does not explain it."""
-        significant = [row for row in self.statistics if row.p_value <= DEFAULT.level]
-        return max(significant, key=lambda row: abs(row.measured - row.model) / row.sigma) if significant else None
+        """The whole channel that differs most, if chance does not explain it.
+
+        Differences between drivers are counted about the measured mean, so that they follow from a different mean.
+        """
+        significant = {row.name: row for row in self.statistics if row.p_value <= DEFAULT.level}
+        own = [row for name, row in significant.items() if BASES.get(name) not in significant]
+        return max(own, key=lambda row: abs(row.measured - row.model) / row.sigma, default=None)
 
     def to_json(self) -> dict[str, Any]:
         """Contents of the file of `cosim traffic-compare --json`."""
@@ -111,11 +158,11 @@ class TrafficComparison:
     def __str__(self) -> str:
         at = f"error {self.error:.3f}, noise floor {self.noise_floor:.3f}"
         if self.worst is None:
+            if self.vehicles_differ:
+                return f"{at}; worst: {self.vehicles_differ[0].difference}"
             at_floor = self.error <= (1 + DEFAULT.at_floor) * self.noise_floor
             return at + ("; at the floor" if at_floor else "; no channel differs significantly")
-        row = self.worst
-        unit = f" {row.unit}" if row.unit else ""
-        return f"{at}; worst: {row.name.replace('_', ' ')} {row.measured:.3g}{unit}, model {row.model:.3g}"
+        return f"{at}; worst: {self.worst.difference}"
 
 
 def traffic_compare(
@@ -147,7 +194,7 @@ def traffic_compare(
 
 
 def compare_summaries(
-    measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...], families: int = 2
+    measured: Summary, runs: Sequence[Summary], notes: tuple[str, ...], families: int = 3
 ) -> TrafficComparison:
     """A comparison from summaries; `families` of tests share the level."""
     evidence = gather_evidence(measured, runs)
@@ -164,6 +211,9 @@ def compare_summaries(
         statistics=tuple(row for row in rows if not row.condition),
         parts=tuple(row for row in rows if row.condition and np.isfinite(row.p_value)),
         evidence=evidence,
+        significance=significance,
+        excess=find_excess(scores, runs),
+        families=families,
         notes=notes,
     )
 

@@ -25,6 +25,7 @@ CONDITIONS_OF: dict[str, tuple[str, ...]] = {
     "lateral": ("street", "lane", "class", "time"),
     "unsteadiness": ("class", "time"),
     "lane_changes_other": ("time",),
+    "lane_use": ("class",),
     "yielding": ("street",),
     "stops": ("street",),
     "standing": ("street", "lane", "time", "class", "signal"),

@@ -11,28 +11,26 @@ from pathlib import Path
 import numpy as np
 
 from cosim.capture.config import RunConfig, load_config
+from cosim.discrepancy.selection.gain import is_rival
 from cosim.driver_discrepancy.behaviours import BEHAVIOURS, Behaviour, Signal
 from cosim.driver_discrepancy.case import Case, open_case
-from cosim.driver_discrepancy.comparison import StatisticRow, TrafficComparison, compare_summaries
+from cosim.driver_discrepancy.comparison import TrafficComparison, compare_summaries
 from cosim.driver_discrepancy.diagnosis import Candidate, TrafficDiagnosis, TrafficFinding
 from cosim.driver_discrepancy.estimate import Estimator, Fit, intervals
 from cosim.driver_discrepancy.evidence import (
     ChannelEvidence,
-    Significance,
-    departures,
     find_directions,
-    find_significance,
     gather_evidence,
 )
-from cosim.driver_discrepancy.scores import Fall, Scores, compare_scores, noise_floor, score_vehicles
+from cosim.driver_discrepancy.scores import Fall, compare_scores, noise_floor
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
 from cosim.driver_discrepancy.tracks import Tracks
+from cosim.driver_discrepancy.unexplained import find_unexplained
 from cosim.traffic.behaviour import BehaviourConfig
 
 _LOG = logging.getLogger(__name__)
-_MOST_UNEXPLAINED = 6
-_FAMILIES = 3  # whole channels, channels under conditions, and behaviours share the level
+_FAMILIES = 4  # whole channels, channels under conditions, behaviours, and the error share the level
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,30 +38,31 @@ class _Look:
     """The current model, simulated with all seeds, and the evidence against it.
 
     Attributes:
-        config, runs: the model and its simulations.
-        significance: of columns.
+        config: the model.
+        comparison: with all vehicles.
         behaviours: family-wise p-value of each behaviour, by the direction in which it changes the columns.
-        all, fitted: evidence of all vehicles, and of those that are fitted.
-        scores: errors of vehicles.
+        fitted: evidence of the vehicles that are fitted.
     """
 
     config: BehaviourConfig
-    runs: list[Summary]
-    significance: Significance
+    comparison: TrafficComparison
     behaviours: Mapping[str, float]
-    all: ChannelEvidence
     fitted: ChannelEvidence
-    scores: Scores
+
+    @property
+    def all(self) -> ChannelEvidence:
+        """Evidence of all vehicles."""
+        return self.comparison.evidence
 
     @property
     def smallest(self) -> float:
         """The smallest p-value."""
-        return min(self.significance.smallest, min(self.behaviours.values(), default=1.0))
+        return min(self.comparison.significance.smallest, min(self.behaviours.values(), default=1.0))
 
     def p_value(self, behaviour: Behaviour) -> float:
         """Family-wise, of a behaviour: of its direction, or of a column that shows it."""
         shown = [behaviour.shows(column.channel, column.condition) for column in self.all.columns]
-        column = float(self.significance.p_values[shown].min(initial=1.0))
+        column = float(self.comparison.significance.p_values[shown].min(initial=1.0))
         return min(column, self.behaviours.get(behaviour.name, 1.0))
 
 
@@ -75,13 +74,17 @@ class _Try:
         behaviour: which.
         fit: of all of them together.
         gain: fall of chi² less its penalty.
-        error: standard error of the cross-fitted gain over folds, times two.
+        folds: (folds,) gain that its slopes promise, on each fold of vehicles.
     """
 
     behaviour: Behaviour
     fit: Fit
     gain: float
-    error: float
+    folds: np.ndarray
+
+    def is_confusable_with(self, other: Behaviour) -> bool:
+        """Whether the catalogue names one of them as similar to the other."""
+        return other.name in self.behaviour.confusable_with or self.behaviour.name in other.confusable_with
 
 
 def traffic_diagnose(
@@ -143,24 +146,22 @@ class _Diagnosis:
         self._say(f"simulating with {len(self._seeds)} seeds")
         runs = self._simulations.run([(config, seed) for seed in self._seeds])
         measured, ids = self._case.measured, self._case.fitted
-        evidence = gather_evidence(measured, runs, self._by)
+        comparison = compare_summaries(measured, runs, self._case.notes, _FAMILIES)
+        evidence = comparison.evidence
         rows = np.array([self._index[column] for column in evidence.columns], int)
         directions = {name: slopes[rows] for name, slopes in self._directions.items()}
         return _Look(
             config,
-            runs,
-            find_significance(evidence, np.random.default_rng(1), self._by, _FAMILIES),
+            comparison,
             find_directions(evidence, directions, np.random.default_rng(2), self._by, _FAMILIES),
-            evidence,
             gather_evidence(measured.of(ids), [run.of(ids) for run in runs], self._by),
-            score_vehicles(measured, runs),
         )
 
     @cached_property
     def _directions(self) -> dict[str, np.ndarray]:
         """Change of all columns with the parameters of each behaviour, from the model as given."""
         self._say("simulating what each behaviour changes")
-        estimator = self._estimator(self._by.fitting.slope_seeds)
+        estimator = self._estimator(self._by.fitting.direction_seeds)
         return estimator.slopes_together(self._case.behaviour, self._case.measured.columns)
 
     @cached_property
@@ -176,13 +177,10 @@ class _Diagnosis:
         tries, promise = self._fit_best(look, options)
         self._ranking = self._ranking or self._rank(options, promise, tries, look)
         for attempt in tries:
-            name = attempt.behaviour.name
-            after = self._look(attempt.fit.config) if attempt.gain > 0 else None
-            fall = None if after is None else self._held_out_fall(look, after)
-            if after is not None and fall is not None and _is_accepted(attempt.behaviour, fall):
-                self._add(attempt, tries, look, after, fall)
-                return after
-            self._refused.add(name)
+            better = self._add(attempt, tries, look) if attempt.gain > 0 else None
+            if better is not None:
+                return better
+            self._refused.add(attempt.behaviour.name)
         return self._improve(look)
 
     def _options(self, look: _Look) -> list[tuple[Behaviour, BehaviourConfig]]:
@@ -202,16 +200,17 @@ class _Diagnosis:
     def _fit_best(
         self, look: _Look, options: Sequence[tuple[Behaviour, BehaviourConfig]]
     ) -> tuple[list[_Try], dict[str, float]]:
-        """Fit the behaviours with the largest cross-fitted gains; the best first."""
+        """Fit the behaviours with the largest cross-fitted gains and those similar to the best; the best first."""
         estimator = self._estimator(self._by.fitting.slope_seeds)
-        slopes, promise, errors = {}, {}, {}
+        slopes: dict[str, np.ndarray] = {}
+        folds: dict[str, np.ndarray] = {}
         for behaviour, config in options:
             slopes |= estimator.slopes(config, [behaviour])
-            gain, error = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
-            promise[behaviour.name], errors[behaviour.name] = 2 * gain - self._penalty(behaviour), 2 * error
+            folds[behaviour.name] = estimator.gain(look.fitted, behaviour, slopes[behaviour.name], look.config, config)
+        promise = {one.name: 2 * float(folds[one.name].sum()) - self._penalty(one) for one, _ in options}
         order = sorted(options, key=lambda option: -promise[option[0].name])
         least = self._by.fitting.nearly * promise[order[0][0].name]
-        chosen = [option for option in order if promise[option[0].name] > least] or order
+        chosen = ([option for option in order if promise[option[0].name] > least] or order)[: self._by.fitting.tried]
         scored = np.array(
             [
                 column.is_whole or any(option.shows(column.channel, column.condition) for option, _ in options)
@@ -219,61 +218,74 @@ class _Diagnosis:
             ],
             bool,
         )
-        before_chi2 = float((look.fitted.z[scored] ** 2).sum())
-        tries = []
-        for behaviour, config in chosen[: self._by.fitting.tried]:
+
+        def attempt(behaviour: Behaviour, config: BehaviourConfig) -> _Try:
             self._say(f"fitting {behaviour.name}")
             before = [BEHAVIOURS[finding.behaviour] for finding in self._found]
             known = slopes | (estimator.slopes(config, before) if before else {})
             fit = self._estimator(self._by.fitting.seeds).fit(config, [*before, behaviour], look.fitted, known, scored)
-            gain = before_chi2 - fit.chi2 - self._penalty(behaviour)
-            tries.append(_Try(behaviour, fit, gain, errors[behaviour.name]))
-        return sorted(tries, key=lambda attempt: -attempt.gain), promise
+            gain = float((look.fitted.z[scored] ** 2).sum()) - fit.chi2 - self._penalty(behaviour)
+            return _Try(behaviour, fit, gain, folds[behaviour.name])
+
+        tries = [attempt(*option) for option in chosen]
+        best = max(tries, key=lambda one: one.gain)
+        rivals = [option for option in order if option not in chosen and best.is_confusable_with(option[0])]
+        tries += [attempt(*option) for option in rivals if promise[option[0].name] > 0]
+        return sorted(tries, key=lambda one: -one.gain), promise
 
     def _held_out_fall(self, before: _Look, after: _Look) -> Fall:
         ids = self._case.held_out
-        return compare_scores(before.scores.of(ids), after.scores.of(ids))
+        return compare_scores(before.comparison.scores.of(ids), after.comparison.scores.of(ids))
 
-    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look, after: _Look, fall: Fall) -> None:
-        name = attempt.behaviour.name
+    def _add(self, attempt: _Try, tries: Sequence[_Try], look: _Look) -> _Look | None:
+        """Refine the parameters of a behaviour and those found before; add it if the held-out error falls."""
+        name, behaviour = attempt.behaviour.name, attempt.behaviour
+        fitted = self._look(attempt.fit.config)
+        if not _is_accepted(behaviour, self._held_out_fall(look, fitted)):
+            return None
+        known = [BEHAVIOURS[finding.behaviour] for finding in self._found]
+        fit = self._refine(fitted, attempt.fit, [*known, behaviour])
+        after = self._look(fit.config)
+        fall = self._held_out_fall(look, after)
+        if not _is_accepted(behaviour, fall):
+            return None
         self._say(f"adding {name}")
-        least = attempt.gain - self._by.similar_errors * max(attempt.error, 1.0)
         similar = tuple(
             other.behaviour.name
             for other in tries
-            if other is not attempt and other.gain > max(least, 0.0) and after.p_value(other.behaviour) > self._by.level
+            if other is not attempt
+            and is_rival(attempt.gain / 2, other.gain / 2, attempt.folds, other.folds)
+            and after.p_value(other.behaviour) > self._by.level
         )
-        config = attempt.fit.config
+        streets = after.config.street_speed
         self._found.append(
             TrafficFinding(
                 behaviour=name,
-                params=attempt.fit.values[name],
-                before=attempt.behaviour.read(look.config, self._case.background),
+                params=fit.values[name],
+                before=behaviour.read(look.config, self._case.background),
                 ci95={},
-                p_value=look.p_value(attempt.behaviour),
+                p_value=look.p_value(behaviour),
                 error_before=fall.before,
                 error_after=fall.after,
                 also_possible=similar,
-                shown_by=_shown_by(attempt.behaviour, self._case.measured, look, after),
+                shown_by=_shown_by(behaviour, self._case.measured, look, after),
                 fall_ci95=fall.interval,
                 worse=fall.worse,
-                streets=config.street_speed.edges
-                if attempt.behaviour.condition == "street" and config.street_speed
-                else (),
+                streets=streets.edges if behaviour.condition == "street" and streets else (),
             )
         )
-        self._fit = attempt.fit
+        self._fit = fit
+        return after
 
     def _conclude(self, first: _Look, last: _Look) -> TrafficDiagnosis:
-        behaviours = [BEHAVIOURS[finding.behaviour] for finding in self._found]
-        config, findings = last.config, list(self._found)
+        findings = list(self._found)
         if self._fit is not None:
-            fit = self._refine(last, behaviours)
-            ends = intervals(fit, behaviours, last.fitted.freedom, self._by.coverage)
-            config = fit.config
-            findings = [replace(one, params=fit.values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
-        before, after = self._compare(first), self._compare(last)
-        left = find_unexplained(after, self._by.level)
+            behaviours = [BEHAVIOURS[finding.behaviour] for finding in findings]
+            ends = intervals(self._fit, behaviours, last.fitted.freedom, self._by.coverage)
+            values = self._fit.values
+            findings = [replace(one, params=values[one.behaviour], ci95=ends[one.behaviour]) for one in findings]
+        before, after = first.comparison, last.comparison
+        left = find_unexplained(after, last.behaviours, self._by.level)
         ambiguous = any(finding.also_possible for finding in findings)
         ids = self._case.held_out
         return TrafficDiagnosis(
@@ -283,32 +295,40 @@ class _Diagnosis:
             smallest_detectable={} if findings else self._smallest(last),
             before=before,
             after=after,
-            error_before=first.scores.of(ids).error,
-            error_after=last.scores.of(ids).error,
-            noise_floor=noise_floor([run for run in last.runs], ids),
-            config=self._config.model_copy(update={"behaviour": config}) if findings else self._config,
+            error_before=before.scores.of(ids).error,
+            error_after=after.scores.of(ids).error,
+            noise_floor=noise_floor(after.runs, ids),
+            config=self._config.model_copy(update={"behaviour": last.config}) if findings else self._config,
             unexplained=left,
             simulations=self._simulations.count,
         )
 
-    def _refine(self, last: _Look, behaviours: Sequence[Behaviour]) -> Fit:
-        """Linearise about the fit, take further steps there, and a small last one with what all seeds show."""
+    def _refine(self, look: _Look, start: Fit, behaviours: Sequence[Behaviour]) -> Fit:
+        """Linearise about a fit that was simulated with all seeds, and take further steps unless they are small."""
         self._say("refining the parameters")
         estimator = self._estimator(self._by.fitting.seeds)
-        slopes = estimator.slopes(last.config, behaviours, self._by.fitting.near)
-        fit = estimator.fit(last.config, behaviours, last.fitted, slopes)
+        slopes = estimator.slopes(look.config, behaviours, self._by.fitting.near)
+        fit = estimator.fit(look.config, behaviours, look.fitted, slopes, is_near=True)
         fresh = np.concatenate([slopes[behaviour.name] for behaviour in behaviours], 1)
-        fit = replace(fit, slopes=fresh)
-        if fit.config == last.config:
-            return estimator.polished(fit, behaviours, last.fitted)
-        return estimator.with_covariance(fit, behaviours, last.fitted)
+        fit = estimator.with_covariance(replace(fit, slopes=fresh), behaviours, look.fitted)
+        moved = [
+            abs(fit.values[one.name][knob.name] - start.values[one.name][knob.name])
+            for one in behaviours
+            for knob in one.knobs
+        ]
+        if (np.array(moved) < self._by.fitting.small * np.sqrt(np.diag(fit.covariance))).all():
+            return replace(fit, config=look.config, values=start.values)
+        return fit
 
     def _smallest(self, last: _Look) -> dict[str, dict[str, float]]:
         """Change of each parameter that 80 % of recordings like this one would show."""
         rows = np.array([self._index[column] for column in last.all.columns], int)
         found: dict[str, dict[str, float]] = {}
         for name, slope in self._directions.items():
-            ratio = np.abs(slope[rows]) / (last.all.sigma * (last.significance.critical + self._by.power))[:, None]
+            ratio = (
+                np.abs(slope[rows])
+                / (last.all.sigma * (last.comparison.significance.critical + self._by.power))[:, None]
+            )
             steepest = ratio.max(0, initial=0.0)
             found[name] = {
                 knob.name: float(1 / value)
@@ -341,37 +361,13 @@ class _Diagnosis:
     def _penalty(self, behaviour: Behaviour) -> float:
         return len(behaviour.knobs) * float(np.log(max(len(self._case.fitted), 2)))
 
-    def _compare(self, look: _Look) -> TrafficComparison:
-        return compare_summaries(self._case.measured, look.runs, self._case.notes, _FAMILIES)
-
-
-def find_unexplained(comparison: TrafficComparison, level: float) -> tuple[StatisticRow, ...]:
-    """Columns that differ significantly, one of each channel, the clearest first.
-
-    A condition is named where the channel as a whole does not differ, or one of its levels differs otherwise than it.
-    """
-    evidence = comparison.evidence
-    at = {(column.channel, column.condition, column.level): row for row, column in enumerate(evidence.columns)}
-    rows = [row for row in (*comparison.statistics, *comparison.parts) if row.p_value <= level]
-    best: dict[str, tuple[float, StatisticRow]] = {}
-    for row in rows:
-        whole = next((other for other in rows if other.name == row.name and not other.condition), None)
-        if row.condition and whole is not None:
-            parts = np.array([position for key, position in at.items() if key[0] == row.name and key[1]])
-            departs = departures(evidence, at[row.name, "", ""], parts)
-            if departs[parts == at[row.name, row.condition, row.level]][0] > level:
-                continue
-        size = abs(row.measured - row.model) / row.sigma
-        known = best.get(row.name)
-        if known is None or size > known[0]:
-            best[row.name] = (size, row)
-    ordered = sorted(best.values(), key=lambda pair: -pair[0])
-    return tuple(row for _, row in ordered[:_MOST_UNEXPLAINED])
-
 
 def _is_accepted(behaviour: Behaviour, fall: Fall) -> bool:
-    """Whether the held-out error falls; of a rare act, whether it does not rise significantly."""
-    return fall.interval[1] > 0 if behaviour.is_incident else fall.size > 0
+    """Whether the held-out error falls by more than its standard error; of a rare act, whether it does not rise.
+
+    The rule of one standard error prefers the simpler model unless the other is clearly better (Breiman et al. 1984).
+    """
+    return fall.interval[1] > 0 if behaviour.is_incident else fall.size > fall.error
 
 
 def _signals(evidence: ChannelEvidence) -> list[Signal]:

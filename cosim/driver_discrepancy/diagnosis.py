@@ -92,7 +92,8 @@ class TrafficDiagnosis:
         error_before, error_after: on held-out vehicles.
         noise_floor: the error of the model against itself with other seeds, on the same vehicles.
         config: the improved configuration.
-        unexplained: columns that still differ significantly, one of each channel, the clearest first.
+        unexplained: columns that still differ significantly, one of each channel, the clearest first; then channels
+            in which only the error of single vehicles is above its floor.
         simulations: how many were run.
         config_out: where the configuration was written.
     """
@@ -134,12 +135,11 @@ class TrafficDiagnosis:
 
 
 def _unknown(row: StatisticRow) -> dict[str, Any]:
-    unit = f" {row.unit}" if row.unit else ""
     return {
         "channel": row.name,
         "covariates": [row.condition] if row.condition else [],
         "level": row.level or None,
-        "form": f"{row.place}: measured {row.measured:.3g}{unit}, model {row.model:.3g}{unit}",
+        "form": row.difference,
         "size": row.measured - row.model,
         "unit": row.unit,
         "r2": None,

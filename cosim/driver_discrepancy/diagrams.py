@@ -24,40 +24,43 @@ def draw_diagrams(measured: Summary, models: Sequence[tuple[str, Sequence[Summar
     """
     drawn = [("measured", "a", measured)]
     drawn += [(name, style, runs[0]) for style, (name, runs) in zip("bc", models, strict=False) if runs]
-    figures = [_fundamental(drawn), *(_space_time(name, style, one, measured) for name, style, one in drawn)]
-    shown = [chart for chart in figures if chart]
-    if not shown:
+    rows = [_fundamental(drawn), [_space_time(name, style, one, measured) for name, style, one in drawn]]
+    shown = [Markup().join(chart for chart in row if chart) for row in rows]
+    if not any(shown):
         return ""
     words = (
-        "Fundamental diagram: one dot per street and 30 s, density and flow after Edie. Space–time diagrams: all lanes "
-        f"of {_street_words(measured)}, one line per vehicle. Of each model the first seed is drawn."
+        "Fundamental diagrams: one dot per street and 30 s, density and flow after Edie, all with the same axes. "
+        f"Space–time diagrams: all lanes of {_street_words(measured)}, one line per vehicle, from the start of the "
+        "street to its end; lines of different lanes may cross. Of each model the first seed is drawn."
     )
     swatches = Markup().join(
         fill('<span><i style="background:var(--{})"></i> {}</span>', style, name) for name, style, _ in drawn
     )
     legend = fill('<div class="legend" style="padding-left:0">{}</div>', swatches)
-    charts = fill('<div class="charts">{}</div>', Markup().join(shown))
+    charts = Markup().join(fill('<div class="charts">{}</div>', row) for row in shown if row)
     return fill("<section><h2>Flow, density, space and time</h2><p>{}</p>{}{}</section>", words, legend, charts)
 
 
 def _street_words(measured: Summary) -> str:
     name = f"street {measured.street}, " if measured.street else ""
-    return f"{name}the one on which most distance is driven"
+    return f"{name}on which most distance is driven"
 
 
-def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> str:
+def _fundamental(drawn: Sequence[tuple[str, str, Summary]]) -> list[str]:
+    """A diagram of each, with the same axes."""
     points = [one.fundamental for _, _, one in drawn if len(one.fundamental)]
     if not points:
-        return ""
+        return []
     top = np.concatenate(points).max(0) * 1.08
-    title = "Fundamental diagram"
-    plot = Plot(
-        Axis(0, float(top[0]), "density [veh/km of lane]"), Axis(0, float(top[1]), "flow [veh/h of lane]"), title
-    )
-    for _, style, one in drawn:
+    axes = Axis(0, float(top[0]), "density [veh/km of lane]"), Axis(0, float(top[1]), "flow [veh/h of lane]")
+    figures = []
+    for name, style, one in drawn:
+        title = f"Fundamental diagram, {name}"
+        plot = Plot(*axes, title)
         for density, flow in one.fundamental.tolist():
             plot.line(np.array([density]), np.array([flow]), style, dots=True)
-    return figure(title, "", plot.svg())
+        figures.append(figure(title, "", plot.svg()))
+    return figures
 
 
 def _space_time(name: str, style: str, one: Summary, measured: Summary) -> str:

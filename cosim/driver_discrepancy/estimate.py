@@ -25,14 +25,13 @@ class Fit:
     Attributes:
         config: with them.
         values: behaviour → parameter → value.
-        chi2_before, chi2: sum of squared standardised differences of whole channels, before and after.
+        chi2: sum of squared standardised differences of the columns that are scored.
         slopes: (c, parameters) of all columns; zero for those without evidence.
         covariance: (parameters, parameters).
     """
 
     config: BehaviourConfig
     values: Values
-    chi2_before: float
     chi2: float
     slopes: np.ndarray
     covariance: np.ndarray
@@ -121,8 +120,8 @@ class Estimator:
         slopes: np.ndarray,
         config: BehaviourConfig,
         start: BehaviourConfig,
-    ) -> tuple[float, float]:
-        """Cross-fitted gain that a behaviour's slopes promise in its own columns, and its standard error.
+    ) -> np.ndarray:
+        """Cross-fitted gain (folds,) that a behaviour's slopes promise in its own columns.
 
         Args:
             evidence: against the model.
@@ -144,6 +143,7 @@ class Estimator:
         evidence: ChannelEvidence,
         slopes: Mapping[str, np.ndarray],
         scored: np.ndarray | None = None,
+        is_near: bool = False,
     ) -> Fit:
         """Fit all parameters of some behaviours together to the columns that show them.
 
@@ -152,9 +152,11 @@ class Estimator:
         Args:
             config: initial configuration of the fit.
             behaviours: whose parameters are fitted.
-            evidence: of the configuration without them.
+            evidence: against which the parameters are fitted.
             slopes: behaviour → change of all columns with its parameters.
             scored: (k,) columns over which chi² is summed; by default all.
+            is_near: the evidence is that against the initial configuration, and the fit is a small change of it. The
+                fit's few seeds then show only the change from there (control variates: Lavenberg and Welch 1981).
         """
         knobs = [(behaviour, knob) for behaviour in behaviours for knob in behaviour.knobs]
         start = {one.name: one.read(config, self._background) for one in behaviours}
@@ -166,13 +168,15 @@ class Estimator:
         jacobian *= own[:, None]
         at = self._feasible(config, behaviours, at)
         whole = np.ones(len(evidence.columns), bool) if scored is None else scored
-        before = rest = self._rest(config, behaviours, at, evidence)
+        rest = self._rest(config, behaviours, at, evidence)
+        offset = np.nan_to_num(evidence.z) - rest if is_near else np.zeros(len(rest))
+        rest = rest + offset
         for _ in range(self._by.fitting.rounds):
             step = self._feasible(config, behaviours, at + self._solve(jacobian, rest, plain)) - at
             foreseen = rest - jacobian @ step
             if own @ rest**2 - own @ foreseen**2 < self._by.fitting.enough:
                 break
-            new = self._rest(config, behaviours, at + step, evidence)
+            new = self._rest(config, behaviours, at + step, evidence) + offset
             secant = np.outer(rest - new - jacobian @ step, step) / max(float(step @ step), 1e-12)
             jacobian += secant * own[:, None]
             if own @ new**2 < own @ rest**2:
@@ -185,24 +189,10 @@ class Estimator:
         return Fit(
             config=_written(config, behaviours, values),
             values=values,
-            chi2_before=float(before[whole] @ before[whole]),
             chi2=float(rest[whole] @ rest[whole]),
             slopes=full,
             covariance=self._covariance(jacobian, plain),
         )
-
-    def polished(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> Fit:
-        """One more step with what more seeds say, if it is a small one."""
-        knobs = [knob for behaviour in behaviours for knob in behaviour.knobs]
-        at = np.array([fit.values[one.name][knob.name] for one in behaviours for knob in one.knobs])
-        jacobian = self._own_jacobian(fit, behaviours, evidence)
-        low, high = (np.array([getattr(knob, end) for knob in knobs]) for end in ("low", "high"))
-        covariance = self._covariance(jacobian, knobs)
-        step = np.clip(at + self._solve(jacobian, evidence.z, knobs), low, high) - at
-        step = np.clip(step, -np.sqrt(np.diag(covariance)), np.sqrt(np.diag(covariance)))
-        values = _by_name(behaviours, self._feasible(fit.config, behaviours, at + step))
-        config = _written(fit.config, behaviours, values)
-        return Fit(config, values, fit.chi2_before, fit.chi2, fit.slopes, covariance)
 
     def with_covariance(self, fit: Fit, behaviours: Sequence[Behaviour], evidence: ChannelEvidence) -> Fit:
         """Return the estimate with the covariance of its slopes, over the columns that show the behaviours."""

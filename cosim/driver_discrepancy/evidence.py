@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from cosim.discrepancy.selection.calibration import min_p, random_signs
+from cosim.discrepancy.selection.gain import fold_sums, folds_of_clusters
 from cosim.driver_discrepancy.channels import CHANNELS
 from cosim.driver_discrepancy.settings import DEFAULT, TrafficSettings
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
@@ -71,7 +73,7 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     """Compare a measurement with the model's seeds, column by column.
 
     The variance of a difference is pooled from that between seeds and that between the paired differences of vehicles;
-    a small difference that is the simulator's own is added.
+    a small difference that is the simulator's own is added. The variance of numbers of events is at least Poisson's.
     """
     columns = measured.columns
     ids = measured.ids
@@ -84,18 +86,23 @@ def gather_evidence(measured: Summary, runs: Sequence[Summary], by: TrafficSetti
     values = sums.sum(1)[:, at] / totals[:, at]
     mean, count = values.mean(0), len(runs)
     own = (own_sums[:, at] - mean * own_weights[:, at]) / total[at]
-    model = ((sums[:, :, at] - mean * weights[:, :, at]) / totals[:, None, at]).mean(0)
+    single = (sums[:, :, at] - mean * weights[:, :, at]) / totals[:, None, at]
+    model = single.mean(0)
     differences = own - model
     between = values.var(0, ddof=1) if count > 1 else np.zeros(len(at))
+    channels = [CHANNELS[columns[number].channel] for number in at.tolist()]
+    events = np.array([channel.is_event for channel in channels], bool)
     vehicles = (differences**2).sum(0)
+    # Few vehicles act, and their squares would limit the difference: its variance is that of all recordings.
+    acts = np.array([channel.is_act for channel in channels], bool)
+    simulated = ((single - model) ** 2).sum((0, 1)) * (count / max(count - 1, 1))
+    vehicles = np.where(acts, (vehicles + simulated) / (1 + count), vehicles)
     freedom = by.gate.vehicle_freedom
     pooled = (freedom * vehicles + (count - 1) * between) / (freedom + count - 1)
-    channels = [CHANNELS[columns[number].channel] for number in at.tolist()]
+    expected = np.maximum((own_sums.sum(0)[at] + sums.sum((0, 1))[at]) / (1 + count), 1.0)
+    variance = np.maximum(pooled, np.where(events, expected / total[at] ** 2, 0.0)) * (1 + 1 / count)
     floor = np.array([channel.resolution for channel in channels])
-    events = np.array([channel.is_event for channel in channels], bool)
-    expected = np.maximum((own_sums.sum(0)[at] + sums.sum(1)[:, at].mean(0)) / 2, 1.0)
-    poisson = np.where(events, expected / total[at] ** 2, 0.0)
-    sigma = np.sqrt(np.maximum(pooled * (1 + 1 / count), poisson) + floor**2 + 1e-18)
+    sigma = np.sqrt(variance + floor**2 + 1e-18)
     return ChannelEvidence(
         columns=tuple(columns[number] for number in at.tolist()),
         measured=value,
@@ -119,19 +126,18 @@ def find_significance(
         by: numbers that decide.
         families: among which the level is divided in equal parts.
     """
-    columns, draws = len(evidence.columns), by.gate.draws
+    columns = len(evidence.columns)
     if not columns:
         return Significance(np.zeros(0), np.zeros(0))
-    drawn = _null(evidence, rng, by)
+    drawn = _draw_null(evidence, rng, by)
     p_values, critical = np.ones(columns), np.full(columns, np.inf)
     whole = np.array([column.is_whole for column in evidence.columns], bool)
     for family in (whole, ~whole):
         if not family.any():
             continue
-        largest = np.sort(np.abs(drawn[:, family]).max(1))
-        above = draws - np.searchsorted(largest, np.abs(evidence.z[family]), side="left")
-        p_values[family] = np.minimum(families * (1 + above) / (1 + draws), 1.0)
-        critical[family] = np.quantile(largest, 1 - by.level / families)
+        statistics = np.concatenate([evidence.z[None, family], drawn[:, family]]) ** 2
+        p_values[family] = np.minimum(families * np.nan_to_num(min_p(statistics), nan=1.0), 1.0)
+        critical[family] = np.quantile(np.sqrt(statistics[1:].max(1)), 1 - by.level / families)
     return Significance(p_values, critical)
 
 
@@ -144,8 +150,9 @@ def find_directions(
 ) -> dict[str, float]:
     """Family-wise p-values of directions: several small differences that one behaviour makes are clear together.
 
-    The score statistic sᵀH⁻¹s with s = JᵀC⁻¹z and H = JᵀC⁻¹J (Rao 1948), against the same with the signs of clusters
-    flipped; the smallest p-value of all directions is compared with its own distribution (Westfall and Young 1993).
+    Two statistics of each direction are among the hypotheses: the score statistic sᵀH⁻¹s with s = JᵀC⁻¹z and
+    H = JᵀC⁻¹J (Rao 1948), and zᵀC⁻¹z of the same columns, for slopes that a few simulations show badly. Their
+    reference are the same with the signs of clusters flipped.
 
     Args:
         evidence: the table.
@@ -155,33 +162,29 @@ def find_directions(
         families: among which the level is divided in equal parts.
     """
     found = dict.fromkeys(directions, 1.0)
-    drawn = _null(evidence, rng, by) if len(evidence.columns) else np.zeros((0, 0))
-    own, chance = {}, []
+    statistics: dict[str, list[np.ndarray]] = {}
+    z = np.concatenate([evidence.z[None], _draw_null(evidence, rng, by)])
     for name, slopes in directions.items():
         jacobian = slopes / evidence.sigma[:, None]
         at = np.flatnonzero(np.abs(jacobian).max(1, initial=0.0) > 0)
         jacobian = jacobian[at][:, np.abs(jacobian[at]).max(0, initial=0.0) > 0]
-        if not jacobian.size:
-            continue
-        weighted = jacobian.T @ np.linalg.inv(evidence.correlation[np.ix_(at, at)])
-        information = weighted @ jacobian
-        inverse = np.linalg.inv(information + 1e-6 * np.diag(np.diag(information)))
-        scores = np.concatenate([drawn[:, at], evidence.z[None, at]]) @ weighted.T
-        values = np.einsum("ni,ij,nj->n", scores, inverse, scores)
-        order = np.sort(values[:-1])
-        shares = (1 + len(drawn) - np.searchsorted(order, values, side="left")) / (1 + len(drawn))
-        own[name] = float(shares[-1])
-        chance.append(shares[:-1])
-    if not own:
-        return found
-    smallest = np.sort(np.min(chance, axis=0))
-    for name, value in own.items():
-        below = np.searchsorted(smallest, value, side="right")
-        found[name] = float(min(families * (1 + below) / (1 + len(smallest)), 1.0))
+        if jacobian.size:
+            precision = np.linalg.inv(evidence.correlation[np.ix_(at, at)])
+            information = jacobian.T @ precision @ jacobian
+            inverse = np.linalg.inv(information + 1e-6 * np.diag(np.diag(information)))
+            along = precision @ jacobian @ inverse @ jacobian.T @ precision
+            statistics[name] = [np.einsum("ni,ij,nj->n", z[:, at], form, z[:, at]) for form in (along, precision)]
+    if statistics:
+        p_values = (
+            np.nan_to_num(min_p(np.stack([value for pair in statistics.values() for value in pair], 1)), nan=1.0)
+            .reshape(-1, 2)
+            .min(1)
+        )
+        found |= dict(zip(statistics, np.minimum(families * p_values, 1.0).tolist(), strict=True))
     return found
 
 
-def _null(evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettings) -> np.ndarray:
+def _draw_null(evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettings) -> np.ndarray:
     """Standardised differences (draws, k) by chance.
 
     Signs of whole vehicles are flipped, which keeps the correlations of columns; a share of independent draws and
@@ -189,7 +192,7 @@ def _null(evidence: ChannelEvidence, rng: np.random.Generator, by: TrafficSettin
     """
     columns, draws = len(evidence.columns), by.gate.draws
     size = np.sqrt(np.maximum((evidence.clusters**2).sum(0), 1e-12))
-    signs = rng.choice(np.array([-1.0, 1.0]), (draws, len(evidence.clusters)))
+    signs = random_signs(len(evidence.clusters), draws, rng)[1:]
     drawn = np.sqrt(by.gate.correlated) * (signs @ (evidence.clusters / size))
     drawn += np.sqrt(1 - by.gate.correlated) * rng.standard_normal((draws, columns))
     return drawn / np.sqrt(rng.chisquare(evidence.freedom, (draws, 1)) / evidence.freedom)
@@ -220,10 +223,10 @@ def cross_fitted_gain(
     limits: np.ndarray,
     shift: np.ndarray,
     folds: int = 5,
-) -> tuple[float, float]:
-    """Gain of a direction, fitted on some vehicles and scored on the others, and its standard error over folds.
+) -> np.ndarray:
+    """Gain (folds,) of a direction on each fold of vehicles, fitted to the others.
 
-    Σₖ θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ with the score s = JᵀC⁻¹z and the information H = JᵀC⁻¹J of a fold k.
+    θ₋ₖᵀsₖ − ½ θ₋ₖᵀHₖθ₋ₖ with the score s = JᵀC⁻¹z and the information H = JᵀC⁻¹J of a fold k.
 
     Args:
         evidence: the table.
@@ -235,22 +238,22 @@ def cross_fitted_gain(
     """
     at = np.flatnonzero(columns)
     if not len(at):
-        return 0.0, 0.0
+        return np.zeros(folds)
     jacobian = slopes[at] / evidence.sigma[at, None]
     precision = np.linalg.inv(evidence.correlation[np.ix_(at, at)])
     weighted = jacobian.T @ precision
     information = weighted @ jacobian
-    fold = np.arange(len(evidence.clusters)) % folds
+    fold = folds_of_clusters(len(evidence.clusters), folds, 0)
     z = evidence.z[at] - shift[at] / evidence.sigma[at]
-    share = np.stack([evidence.clusters[fold == k][:, at].sum(0) for k in range(folds)])
+    share = fold_sums(evidence.clusters[:, at], fold, folds)
     share += (z - share.sum(0)) / folds
     before = evidence.z[at] @ precision @ evidence.z[at] - z @ precision @ z
-    gains = []
+    gains = np.full(folds, 0.5 * float(before) / folds)
     for k in range(folds):
         theta = np.linalg.solve(information * (folds - 1) / folds + np.diag(1 / limits**2), weighted @ (z - share[k]))
         theta = np.clip(theta, -limits, limits)
-        gains.append(float(theta @ weighted @ share[k] - 0.5 * theta @ information @ theta / folds))
-    return float(np.sum(gains)) + 0.5 * float(before), float(np.sqrt(folds) * np.std(gains, ddof=1))
+        gains[k] += float(theta @ weighted @ share[k] - 0.5 * theta @ information @ theta / folds)
+    return gains
 
 
 def _shown(

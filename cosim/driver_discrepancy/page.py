@@ -29,7 +29,7 @@ from cosim.report.ranking_table import ranking_section
 _AREAS = ".area { opacity: .22; } .area.a { fill: var(--a); }"
 _CHARTS = {
     "speed": ("Speeds of moving vehicles", "speed [m/s]", SPEED_BINS, 2),
-    "headway": ("Time headways to the leader", "headway [s]", HEADWAY_BINS, 2),
+    "headway": ("Net time headways (time gaps) to the leader", "leader’s rear to own front [s]", HEADWAY_BINS, 2),
     "acceleration": ("Accelerations", "acceleration [m/s²]", ACCELERATION_BINS, 1),
     "lateral": ("Lateral positions in the lane", "to the left [m]", LATERAL_BINS, 2),
 }
@@ -47,7 +47,10 @@ def format_comparison(comparison: TrafficComparison, measured: str, config: str)
     command = f"cosim traffic-diagnose {measured} --config {config}"
     row = comparison.worst
     message = fill("The error is <b>{:.3f}</b>; the noise floor is {:.3f}. ", comparison.error, comparison.noise_floor)
-    if row is None:
+    if row is None and comparison.vehicles_differ:
+        words = "; ".join(other.difference for other in comparison.vehicles_differ)
+        message += fill('<span class="bad">Single vehicles differ</span>: {}.', words)
+    elif row is None:
         message += "No channel differs significantly from the model."
     else:
         message += fill(
@@ -108,9 +111,9 @@ def format_diagnosis(diagnosis: TrafficDiagnosis, measured: str, config: str) ->
 
 
 def _verdict(diagnosis: TrafficDiagnosis) -> str:
-    fall = (
-        f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; the noise floor is {diagnosis.noise_floor:.3f}"
-    )
+    floor = f"the noise floor is {diagnosis.noise_floor:.3f}"
+    fall = f"{diagnosis.error_before:.3f} to {diagnosis.error_after:.3f}; {floor}"
+    error = f"The held-out error is {diagnosis.error_before:.3f}; {floor}."
     if diagnosis.effects:
         names = [fill("<b>{}</b> ({})", one.behaviour, parameter_words(one)) for one in diagnosis.effects]
         parts: list[str] = [fill('<span class="bad">Missing</span>: {}.', Markup("; ").join(names))]
@@ -127,13 +130,11 @@ def _verdict(diagnosis: TrafficDiagnosis) -> str:
     elif diagnosis.unexplained:
         words = unexplained_words(diagnosis)
         parts = [
-            fill('<span class="warn">Unknown:</span> {} differ; no behaviour of the catalogue explains it.', words)
+            fill('<span class="warn">Unknown:</span> {} differ; no behaviour of the catalogue explains it.', words),
+            error,
         ]
     else:
-        parts = ["No missing behaviour is significant."]
-        parts.append(
-            f"The held-out error is {diagnosis.error_before:.3f}; the noise floor is {diagnosis.noise_floor:.3f}."
-        )
+        parts = ["No missing behaviour is significant.", error]
         parts.append(f"A change would have been detected with 80 % power: {smallest_words(diagnosis)}.")
     if diagnosis.effects and diagnosis.unexplained:
         parts.append(fill('<span class="warn">Left unexplained:</span> {}.', unexplained_words(diagnosis)))
@@ -285,6 +286,8 @@ def _charts(measured: Summary, models: Sequence[tuple[str, Sequence[Summary]]]) 
         if not drawn:
             continue
         shown = np.flatnonzero(np.max([curve for _, curve in curves], axis=0) > _LOWEST_SHOWN)
+        if len(shown) < 2:  # all are the same
+            continue
         low, high = max(shown.min() - 1, 0), min(shown.max() + 2, len(edges) - 1)
         top = 1.12 * max(float(curve.max()) for curve in drawn)
         plot = Plot(Axis(float(edges[low]), float(edges[high]), label), Axis(0, top, "share", percent=True), title)

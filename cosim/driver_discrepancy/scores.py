@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from cosim.driver_discrepancy.channels import BASES, CHANNELS
 from cosim.driver_discrepancy.summary import Summary
@@ -18,6 +19,7 @@ from cosim.driver_discrepancy.summary import Summary
 _FEWEST_VEHICLES, _FEWEST_SHARE = 10, 1 / 3
 _FEWEST_SEEDS = 3  # one is the measurement, and two have a spread
 _LARGEST = 10.0  # scales, to which a single difference is limited
+_NEGLIGIBLE = 0.02  # scales, below which a change of an error does not matter
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,29 @@ class Fall:
         """The fall; positive is better."""
         return self.before - self.after
 
+    @property
+    def error(self) -> float:
+        """Standard error of the fall."""
+        return (self.interval[1] - self.interval[0]) / (2 * float(stats.norm.ppf(0.975)))
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Test whether a model predicts measured vehicles worse than its own vehicles with another seed.
+
+    Attributes:
+        p_value: of the total error, one-sided.
+        channels: channel → its error, its noise floor, and the p-value, corrected for the number of channels.
+    """
+
+    p_value: float
+    channels: Mapping[str, tuple[float, float, float]]
+
+    def largest(self, level: float) -> list[str]:
+        """Channels with significant excess, the clearest first; at least one."""
+        order = sorted(self.channels, key=lambda name: self.channels[name][2])
+        return [name for name in order if self.channels[name][2] <= level] or order[:1]
+
 
 def score_vehicles(measured: Summary, runs: Sequence[Summary]) -> Scores:
     """Score every measured vehicle in every whole channel."""
@@ -101,6 +126,33 @@ def noise_floors(runs: Sequence[Summary]) -> dict[str, float]:
     return {
         name: _mean([one.get(name, np.nan) for one in groups]) for name in dict.fromkeys(n for g in groups for n in g)
     }
+
+
+def find_excess(scores: Scores, runs: Sequence[Summary]) -> Excess:
+    """Test errors against those of the model's own seeds, each of which serves as the measurement once.
+
+    If the model is right, the measurement is one more of these recordings: t prediction interval of a further value.
+    """
+    own = _own_scores(runs, None)
+    if len(own) < _FEWEST_SEEDS:
+        return Excess(1.0, {})
+
+    def p_value(value: float, others: np.ndarray) -> float:
+        spread = max(float(others.std(ddof=1)), _NEGLIGIBLE / 2) * np.sqrt(1 + 1 / len(others))
+        return float(stats.t.sf((value - others.mean()) / spread, len(others) - 1))
+
+    by_seed = [one.by_channel() for one in own]
+    known = {
+        name: np.array([one[name] for one in by_seed])
+        for name, value in scores.by_channel().items()
+        if np.isfinite([value, *(one[name] for one in by_seed)]).all()
+    }
+    errors = scores.by_channel()
+    channels = {
+        name: (errors[name], float(others.mean()), min(p_value(errors[name], others) * len(known), 1.0))
+        for name, others in known.items()
+    }
+    return Excess(p_value(scores.error, np.array([one.error for one in own])), channels)
 
 
 def _own_scores(runs: Sequence[Summary], ids: frozenset[str] | None) -> list[Scores]:
@@ -140,7 +192,7 @@ def compare_scores(before: Scores, after: Scores, draws: int = 200, seed: int = 
     for group, value in _grouped(one).items():
         rise = _grouped(other).get(group, np.nan) - value
         spread = float(np.nanstd([drawn.get(group, np.nan) for drawn in groups])) if groups else np.inf
-        if np.isfinite(rise) and rise > 2 * spread and rise > 0.02:
+        if np.isfinite(rise) and rise > 2 * spread and rise > _NEGLIGIBLE:
             worse[group] = float(rise)
     return Fall(_total(one), _total(other), (low, high), worse)
 

@@ -15,7 +15,7 @@ def headline(diagnosis: TrafficDiagnosis) -> str:
         smallest = smallest_words(diagnosis)
         left = unexplained_words(diagnosis)
         if left:
-            return f"unknown: {left}; no behaviour of the catalogue explains it"
+            return f"unknown: {left}; no behaviour of the catalogue explains it; {_errors(diagnosis)}"
         return _nothing(diagnosis) + (f"; would have been detected: {smallest}" if smallest else "")
     parts = [finding_words(one) for one in diagnosis.effects]
     parts[0] = f"{diagnosis.verdict}: {parts[0]}"
@@ -81,7 +81,8 @@ def unexplained_words(diagnosis: TrafficDiagnosis) -> str:
 
 def _nothing(diagnosis: TrafficDiagnosis) -> str:
     """The line for no finding: error and floor belong to it."""
-    return (
-        f"no missing behaviour is significant; held-out error {diagnosis.error_before:.3f}, "
-        f"noise floor {diagnosis.noise_floor:.3f}"
-    )
+    return f"no missing behaviour is significant; {_errors(diagnosis)}"
+
+
+def _errors(diagnosis: TrafficDiagnosis) -> str:
+    return f"held-out error {diagnosis.error_before:.3f}, noise floor {diagnosis.noise_floor:.3f}"

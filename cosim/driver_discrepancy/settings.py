@@ -1,7 +1,7 @@
 """Settings of the diagnosis of driver behaviour, each with its unit, grouped by step.
 
 They were chosen on recordings of town02 with seeds that no benchmark uses. Constants that define a statistic, such as
-the gap above which a driver is free, are in `manners`.
+the gap above which a driver is free, are in the modules of the channels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ class Fitting:
     tried: int = 2  # candidates a round
     seeds: int = 2  # simulations a step of a fit
     slope_seeds: int = 1  # simulations of a slope: common random numbers leave little luck in differences
+    direction_seeds: int = 2  # simulations of the directions in which behaviours change the channels
     near: float = 0.5  # share of a parameter's step for slopes about a fit
+    small: float = 0.25  # standard errors: a refined fit that moves less is not simulated again
     nearly: float = 0.3  # minimum share of the best candidate's predicted gain for a fit
     rounds: int = 4  # steps of a fit at most
     enough: float = 0.1  # decrease of chi² too small for another simulation
@@ -77,7 +79,6 @@ class TrafficSettings:
     coverage: float = sensor_loop.DEFAULT.coverage  # of intervals
     power: float = sensor_loop.DEFAULT.dictionary.power  # deviate that 80 % power adds to a critical value
     at_floor: float = sensor_loop.DEFAULT.at_floor  # share by which an error may be above its floor
-    similar_errors: float = 2.0  # standard errors of the gain within which two candidates cannot be distinguished
     most_findings: int = 5
     shortest_s: float = 10.0  # of a recording
     longest_s: float = 7200.0

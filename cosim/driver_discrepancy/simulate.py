@@ -97,7 +97,8 @@ def _without_parking(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
 def _as_far_as_measured(tracks: Tracks, demand: MeasuredDemand) -> Tracks:
     """Remove the part of each track beyond the place where the vehicle left the measured area."""
     keep = np.ones(len(tracks), bool)
-    edges = np.array([name.rpartition("_")[0] if name[:1] != ":" else "" for name in tracks.lane.tolist()], dtype=str)
+    lanes, code = np.unique(tracks.lane, return_inverse=True)
+    edges = np.array([name.rpartition("_")[0] if name[:1] != ":" else "" for name in lanes.tolist()], dtype=str)[code]
     row = {name: number for number, name in enumerate(tracks.ids)}
     first = np.searchsorted(tracks.vehicle, np.arange(len(tracks.ids) + 1))
     for trip in demand.trips:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.driver_discrepancy.channels import BASES, CHANNELS, Values, between_drivers, measure_channels
+from cosim.driver_discrepancy.channels import BASES, CHANNELS, between_drivers, measure_channels
 from cosim.driver_discrepancy.conditions import CONDITIONS_OF, ConditionFrame, condition_codes, edge_codes
 from cosim.driver_discrepancy.placed import FOUR_WHEELS, Placed, kind_of
+from cosim.driver_discrepancy.values import Values
 
 SPEED_BINS = np.arange(0.5, 40.01, 0.5)
 HEADWAY_BINS = np.arange(0.0, 6.01, 0.1)
@@ -112,7 +113,7 @@ def summarise(
     tracks = placed.tracks
     red = frame.phases.red(placed, clock_s)
     keep = np.isin(kind_of(tracks, placed.network), FOUR_WHEELS)
-    measured = measure_channels(placed, red)
+    measured = measure_channels(placed, red, planned)
     frame_now = _moved(frame, clock_s)
     codes = condition_codes(placed, frame_now, red)
     columns, sums, weights = _tables(placed, measured, codes, dict(frame.centres))

@@ -58,6 +58,20 @@ def surprise(statistics: np.ndarray, tail: float = _TAIL) -> np.ndarray:
     return found
 
 
+def min_p(statistics: np.ndarray) -> np.ndarray:
+    """Family-wise p-values (groups,) of statistics (1 + draws, groups), of which large ones are significant.
+
+    The smallest p-value of any group is compared with its distribution over the draws (Westfall and Young 1993).
+    NaN for a group whose statistic is the same in all draws.
+    """
+    values, draws = np.cbrt(np.maximum(statistics, 0)), len(statistics) - 1
+    live = values[1:].std(0) > 1e-9
+    logs = np.where(live, surprise(values), 0.0)
+    smallest = np.sort(logs[1:].max(1))
+    p = 1 - np.searchsorted(smallest, logs[0], side="left") / draws
+    return np.where(live, np.maximum(p, 1 / (draws + 1)), np.nan)
+
+
 def family_wise_p(
     tables: Sequence[np.ndarray],
     variance: np.ndarray,
@@ -98,15 +112,7 @@ def family_wise_p(
                 values[:, position] = (np.maximum(z, 0) ** 2).sum(1)
             else:
                 values[:, position] = np.einsum("dk,kl,dl->d", z, group.inverse, z)
-        values = np.cbrt(np.maximum(values, 0))
-        live = values[1:].std(0) > 1e-9
-        if not live.any():  # no score differs from 0
-            p_values = np.maximum(p_values, 1.0 if number == 0 else 0.0)
-            continue
-        logs = np.where(live, surprise(values), 0.0)
-        smallest = np.sort(logs[1:].max(1))
-        p = 1 - np.searchsorted(smallest, logs[0], side="left") / draws
-        p = np.where(live, np.maximum(p, 1 / (draws + 1)), 1.0 if number == 0 else 0.0)
+        p = np.nan_to_num(min_p(values), nan=1.0 if number == 0 else 0.0)
         p_values = np.maximum(p_values, p)
     return 1 - (1 - np.clip(p_values, 0, 1)) ** tested_per_kept
 

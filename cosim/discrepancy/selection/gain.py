@@ -49,6 +49,26 @@ def fold_sums(table: np.ndarray, fold: np.ndarray, folds: int) -> np.ndarray:
     return np.stack([table[fold == number].sum(0) for number in range(folds)])
 
 
+def gain_difference(fold_gains: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """Gain of one hypothesis minus that of another, both (folds,), and the standard error over folds."""
+    difference = fold_gains - other
+    return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
+
+
+def is_rival(chosen: float, other: float, chosen_folds: np.ndarray, other_folds: np.ndarray) -> bool:
+    """Whether another hypothesis could replace the chosen one: its gain is within two standard errors over folds.
+
+    Args:
+        chosen, other: gains of exact refits.
+        chosen_folds, other_folds: (folds,) cross-fitted gains of the linear model, whose standard error is scaled to
+            the exact gains.
+    """
+    difference, error = gain_difference(chosen_folds, other_folds)
+    scale = chosen / max(float(chosen_folds.sum()), 1.0)
+    within = chosen - other < max(2 * error * scale, 0.0)
+    return within and other > 0.5 * chosen and (difference < 2 * error or other > chosen)
+
+
 def random_effect_gain(
     table: np.ndarray, cluster_information: np.ndarray, folds: int, rng: np.random.Generator
 ) -> np.ndarray:

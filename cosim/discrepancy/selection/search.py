@@ -17,6 +17,7 @@ from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.first_pass import first_pass
+from cosim.discrepancy.selection.gain import is_rival
 from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with, refit_without
 from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
@@ -419,21 +420,12 @@ def _complexity(group: Group) -> int:
 
 def _rivals(chosen: _Trial, trials: Sequence[_Trial]) -> tuple[str, ...]:
     """Names of the hypotheses that could replace the chosen one: effects first, each once."""
-    rivals = [other.result.group for other in trials if other is not chosen and _is_rival(other, chosen)]
+    folds = chosen.result.fold_gains
+    rivals = [
+        other.result.group
+        for other in trials
+        if other is not chosen and is_rival(chosen.gain, other.gain, folds, other.result.fold_gains)
+    ]
     own = chosen.result.group.hypothesis
     names = [group.hypothesis for group in sorted(rivals, key=lambda group: not group.is_effect)]
     return tuple(dict.fromkeys(name for name in names if name != own))
-
-
-def _is_rival(other: _Trial, chosen: _Trial) -> bool:
-    """Whether a candidate could replace the chosen one: its gain is within two standard errors over folds.
-
-    The standard error of the linear gains is scaled to the exact ones.
-    """
-    difference, error = chosen.result.gap_to(other.result)
-    scale = chosen.gain / max(chosen.result.gain, 1.0)
-    return (
-        chosen.gain - other.gain < max(2 * error * scale, 0.0)
-        and other.gain > 0.5 * chosen.gain
-        and (difference < 2 * error or other.gain > chosen.gain)
-    )

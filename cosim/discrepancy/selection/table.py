@@ -100,11 +100,6 @@ class GroupTest:
         """The hypothesis."""
         return self.entry.group
 
-    def gap_to(self, other: GroupTest) -> tuple[float, float]:
-        """Gain of this group minus that of another one, and the standard error over folds."""
-        difference = self.fold_gains - other.fold_gains
-        return float(difference.sum()), float(np.sqrt(len(difference) * difference.var(ddof=1))) + 1e-9
-
 
 def score_groups(
     linearisation: Linearisation, groups: Sequence[Group], projector: Projector, settings: Selection

@@ -43,10 +43,11 @@ BEHAVIOURS: dict[str, Behaviour] = {
 }
 
 TOGETHER = (
-    (("speeding", "speed_factor"), ("lane_offset", "lat_alignment_m"), ("parked_pull_out", "per_min")),
+    (("speeding", "speed_factor"), ("parked_pull_out", "per_min")),
+    (("gap_acceptance", "time_gap_s"), ("lane_offset", "lat_alignment_m")),
     (("speeding", "speed_dev"), ("lane_offset", "lat_dev_m"), ("lane_changing", "share"), ("startup_delay", "delay_s")),
     (("short_gap", "min_gap_m"), ("u_turns", "per_min"), ("cornering", "lateral_mps2")),
-    (("short_gap", "tau_s"), ("imperfection", "sigma"), ("gap_acceptance", "time_gap_s")),
+    (("short_gap", "tau_s"), ("imperfection", "sigma")),
     (("reaction_time", "action_step_s"),),
     (("acceleration_ability", "accel_mps2"),),
     (("braking_ability", "decel_mps2"),),

@@ -18,7 +18,7 @@ def _write(config: BehaviourConfig, values: Values) -> BehaviourConfig:
 GAP_ACCEPTANCE = Behaviour(
     "gap_acceptance",
     (Knob("time_gap_s", "s", 0.0, 8.0, 1.5, "smallest accepted time gap in the major stream"),),
-    ("accepted_gap", "rejected_gap", "yielding"),
+    ("accepted_gap", "rejected_gap", "yielding", "standing"),
     "enters if the next vehicle with priority is later than time_gap",
     "jmTimegapMinor",
     (),

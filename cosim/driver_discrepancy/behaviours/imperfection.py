@@ -18,7 +18,7 @@ def _write(config: BehaviourConfig, values: Values) -> BehaviourConfig:
 IMPERFECTION = Behaviour(
     "imperfection",
     (Knob("sigma", "", 0.0, 1.0, 0.3, "driver imperfection of SUMO's Krauß model"),),
-    ("unsteadiness", "acceleration_memory"),
+    ("unsteadiness", "jerk", "acceleration_memory"),
     "v − sigma·accel·dt·U(0,1) in every step (Krauß)",
     "sigma",
     ("reaction_time", "acceleration_ability"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cosim.driver_discrepancy.comparison import compare_summaries
 from cosim.driver_discrepancy.evidence import (
     cross_fitted_gain,
     departures,
@@ -12,10 +13,11 @@ from cosim.driver_discrepancy.evidence import (
     find_significance,
     gather_evidence,
 )
-from cosim.driver_discrepancy.scores import compare_scores, noise_floor, noise_floors, score_vehicles
+from cosim.driver_discrepancy.scores import compare_scores, find_excess, noise_floor, noise_floors, score_vehicles
 from cosim.driver_discrepancy.summary import Summary, SummaryColumn
+from cosim.driver_discrepancy.unexplained import find_unexplained
 
-CHANNELS = ("speed", "acceleration", "headway", "stops")
+CHANNELS = ("speed", "acceleration", "headway", "lane_changes_other")
 COLUMNS = (*(SummaryColumn(name) for name in CHANNELS), *(SummaryColumn("speed", "street", f"s{k}") for k in range(6)))
 
 
@@ -86,8 +88,8 @@ def test_cross_fitted_gain_is_positive_for_the_true_direction(direction: int, he
     slopes = np.zeros((len(COLUMNS), 1))
     slopes[direction] = 1.0
     everything = np.ones(len(COLUMNS), bool)
-    gain, _ = cross_fitted_gain(evidence, everything, slopes, np.ones(1), np.zeros(len(COLUMNS)))
-    assert (gain > 4.0) == helps
+    gains = cross_fitted_gain(evidence, everything, slopes, np.ones(1), np.zeros(len(COLUMNS)))
+    assert (gains.sum() > 4.0) == helps
 
 
 def test_the_true_model_has_the_smallest_error() -> None:
@@ -130,3 +132,47 @@ def test_few_vehicles_have_an_error_too(count: int) -> None:
 
 def test_two_simulations_have_no_noise_floor() -> None:
     assert np.isnan(noise_floor([summary(np.random.default_rng(seed), {}) for seed in range(2)]))
+
+
+def test_single_vehicles_that_differ_are_detected_where_means_do_not() -> None:
+    measured, runs = drawn(11, {})
+    measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
+    excess = find_excess(score_vehicles(measured, runs), runs)
+    assert find_significance(gather_evidence(measured, runs), np.random.default_rng(0)).smallest > 0.05
+    assert excess.p_value < 0.01
+    assert excess.largest(0.05) == ["headway"]
+
+
+def test_the_error_of_the_true_model_has_no_excess() -> None:
+    recordings = [drawn(seed, {}) for seed in range(40)]
+    p_values = [find_excess(score_vehicles(measured, runs), runs).p_value for measured, runs in recordings]
+    assert sum(p_value <= 0.05 for p_value in p_values) <= 6
+    assert 0.3 < np.mean(p_values) < 0.7
+
+
+@pytest.mark.parametrize(("vehicles", "is_significant"), [(8, True), (2, False)])
+def test_acts_of_few_drivers_count_if_no_simulation_has_them(vehicles: int, is_significant: bool) -> None:
+    measured, runs = drawn(10, {})
+    for one in (measured, *runs):
+        one.sums[:, 3], one.weights[:, 3] = 0.0, 0.1
+    measured.sums[:vehicles, 3] = 1.0
+    runs[0].sums[0, 3] = 1.0
+    significance = find_significance(gather_evidence(measured, runs), np.random.default_rng(0))
+    assert (significance.p_values[3] < 0.05) == is_significant
+
+
+def test_a_significant_behaviour_that_was_refused_is_listed_by_its_channel() -> None:
+    comparison = compare_summaries(*drawn(0, {}), ())
+    assert not find_unexplained(comparison, {"acceleration_ability": 0.2}, 0.05)
+    listed = find_unexplained(comparison, {"acceleration_ability": 0.01}, 0.05)
+    assert [row.name for row in listed] == ["acceleration"]
+
+
+def test_a_channel_of_single_vehicles_is_named_with_its_error() -> None:
+    measured, runs = drawn(11, {})
+    measured.sums[:, 2] += 0.5 * np.where(np.arange(len(measured.ids)) % 2, 1.0, -1.0)
+    comparison = compare_summaries(measured, runs, ())
+    (row,) = find_unexplained(comparison, {}, 0.05)
+    assert row.place == "headway of single vehicles"
+    assert "noise floor" in row.difference
+    assert str(comparison).endswith(row.difference)

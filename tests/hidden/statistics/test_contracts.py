@@ -10,7 +10,7 @@ from scipy import sparse
 
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.projection import TRACK
-from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums
+from cosim.discrepancy.selection.gain import cross_fitted_gain, fold_sums, gain_difference
 from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Selection
 from tests.hidden.statistics.checks import excess, lower_share, uniformity, upper_share
@@ -241,5 +241,6 @@ def test_either_or_sets_hold_the_truth() -> None:
 def _either_or(results: list[GroupTest]) -> list[GroupTest]:
     """The first result, and the others whose gain is within two standard errors of it."""
     first = results[0]
-    near = [other for other in results[1:] if first.gap_to(other)[0] <= 2 * first.gap_to(other)[1]]
+    gaps = [gain_difference(first.fold_gains, other.fold_gains) for other in results[1:]]
+    near = [other for other, (gap, error) in zip(results[1:], gaps, strict=True) if gap <= 2 * error]
     return [first, *near]

@@ -1,0 +1,39 @@
+"""Family-wise p-values and either-or sets, which the loops for sensors and for drivers share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.discrepancy.selection.calibration import min_p
+from cosim.discrepancy.selection.gain import gain_difference, is_rival
+
+
+def test_the_smallest_p_value_of_many_groups_is_uniform_without_a_difference() -> None:
+    rng = np.random.default_rng(0)
+    smallest = [min_p(rng.chisquare((1, 3, 8), (401, 3))).min() for _ in range(300)]
+    assert 0.02 < np.mean(np.array(smallest) <= 0.05) < 0.09
+    assert 0.4 < np.mean(smallest) < 0.6
+
+
+def test_a_large_statistic_is_significant_whatever_its_scale() -> None:
+    rng = np.random.default_rng(1)
+    for group, scale in ((0, 1.0), (1, 1e4)):
+        statistics = rng.chisquare(2, (2001, 2)) * (1.0, 1e4)
+        statistics[0] = 1.0
+        statistics[0, group] = 40.0 * scale
+        p_values = min_p(statistics)
+        assert p_values[group] < 0.01 < p_values[1 - group]
+
+
+def test_a_statistic_that_never_varies_has_no_p_value() -> None:
+    statistics = np.column_stack([np.zeros(101), np.random.default_rng(2).chisquare(1, 101)])
+    assert np.isnan(min_p(statistics)[0])
+    assert np.isfinite(min_p(statistics)[1])
+
+
+def test_rivals_have_gains_within_the_error_over_folds() -> None:
+    chosen = np.array([10.0, 12.0, 9.0, 11.0, 10.0])
+    near, far = chosen + np.array([1.0, -2.0, 1.0, -1.0, 0.5]), 0.2 * chosen
+    assert gain_difference(chosen, near)[0] < 2 * gain_difference(chosen, near)[1]
+    assert is_rival(52.0, 51.0, chosen, near)
+    assert not is_rival(52.0, 10.0, chosen, far)
