@@ -243,6 +243,8 @@ def shares_of_neither(
     change = np.inf
     while change > least:
         ratio = slope / density
+        if not np.isfinite(ratio).all():  # an unphysical trial: its likelihood is not finite either way
+            break
         gradient, information = ratio @ weight, (ratio * weight) @ ratio.T
         free = (share > least) | (gradient > 0)
         step = np.zeros(len(share))

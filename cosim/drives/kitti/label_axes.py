@@ -3,8 +3,8 @@
 View-of-Delft has KITTI's format, but defines the rotation about the LiDAR's negative z axis (docs/ANNOTATION.md). The
 two readings differ where the camera is tilted against the LiDAR. Boxes are upright in LiDAR axes if two clues agree:
 the names of classes are those of that data set, and the points fit such boxes better. Without such names the points
-decide alone: the share of an object's points that are inside has to be clearly higher, and the number above its top not
-higher.
+decide alone: the share of an object's points that are inside has to be clearly higher, and the number above its top
+not higher.
 """
 
 from __future__ import annotations
