@@ -85,7 +85,7 @@ def linearised(
 
     random = SimpleNamespace(clusters_by_sector=clusters_by_sector, has_poses=True)
     fitter: Any = SimpleNamespace(sample=sample, random=random)
-    prediction = SimpleNamespace(seen=np.full(n, 0.93))
+    prediction = SimpleNamespace(seen=np.full(n, 0.93), silent=np.full(n, 0.07))
     fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
     channels = {name: LinearisedChannel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
     return Linearisation(fitter, fitted, (), fitted.prediction, evidence, channels, mixed)
