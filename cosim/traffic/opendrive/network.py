@@ -26,8 +26,8 @@ _MOST_ROADS = 10_000
 
 
 @dataclass(frozen=True)
-class RoadPlace:
-    """Place on a road.
+class RoadLocation:
+    """Location on a road.
 
     Attributes:
         road: id.
@@ -85,8 +85,8 @@ class RoadNetwork:
             raise OpenDriveError(f"{self.path}: has no road {road_id!r}; its roads: {known}")
         return self.roads[road_id]
 
-    def place(self, road_id: str, lane: int, s_m: float, offset_m: float) -> RoadPlace:
-        """A place on a lane, facing in the direction of its traffic.
+    def location(self, road_id: str, lane: int, s_m: float, offset_m: float) -> RoadLocation:
+        """A location on a lane, facing in the direction of its traffic.
 
         Raises:
             OpenDriveError: there is no such road or lane, or the road is shorter.
@@ -98,98 +98,98 @@ class RoadNetwork:
             )
         s_m = min(max(s_m, 0.0), road.length_m)
         road.lane_middle_m(s_m, lane)
-        return RoadPlace(road_id, s_m, lane, offset_m, road.direction(s_m, lane))
+        return RoadLocation(road_id, s_m, lane, offset_m, road.direction(s_m, lane))
 
-    def place_beside(self, road_id: str, s_m: float, t_m: float) -> RoadPlace:
-        """A place given by s and t, in the lane that is there."""
+    def adjacent_location(self, road_id: str, s_m: float, t_m: float) -> RoadLocation:
+        """A location given by s and t, in the lane that is there."""
         road = self.road(road_id)
-        lane = road.lane_beside(s_m, t_m)
-        place = self.place(road_id, lane, s_m, 0.0)
-        return replace(place, offset_m=t_m - road.lane_middle_m(place.s_m, lane))
+        lane = road.adjacent_lane(s_m, t_m)
+        location = self.location(road_id, lane, s_m, 0.0)
+        return replace(location, offset_m=t_m - road.lane_middle_m(location.s_m, lane))
 
-    def lateral_m(self, place: RoadPlace) -> float:
-        """Lateral position t of a place [m]."""
-        road, s_m = self.road(place.road), place.s_m
-        if road.lane_at(s_m, place.lane) is None and place.lane:  # the lane ends exactly here
-            s_m -= place.travel * _END_M
-        return road.lane_middle_m(s_m, place.lane) + place.offset_m
+    def lateral_m(self, location: RoadLocation) -> float:
+        """Lateral position t of a location [m]."""
+        road, s_m = self.road(location.road), location.s_m
+        if road.lane_at(s_m, location.lane) is None and location.lane:  # the lane ends exactly here
+            s_m -= location.travel * _END_M
+        return road.lane_middle_m(s_m, location.lane) + location.offset_m
 
-    def pose(self, place: RoadPlace) -> tuple[float, float, float, float]:
+    def pose(self, location: RoadLocation) -> tuple[float, float, float, float]:
         """x, y, z [m] and heading [rad] of a vehicle that faces along its lane."""
-        x, y, z, heading = self.road(place.road).pose(place.s_m, self.lateral_m(place))
-        return x, y, z, heading + self._skew(place) + (0.0 if place.travel > 0 else math.pi)
+        x, y, z, heading = self.road(location.road).pose(location.s_m, self.lateral_m(location))
+        return x, y, z, heading + self._skew(location) + (0.0 if location.travel > 0 else math.pi)
 
-    def _skew(self, place: RoadPlace) -> float:
+    def _skew(self, location: RoadLocation) -> float:
         """Angle of the lane's middle against the reference line [rad]."""
-        road = self.road(place.road)
-        start, end = road.stretch(place.s_m, place.lane, place.travel)
-        if road.lane_at(start + _END_M, place.lane) is None:
+        road = self.road(location.road)
+        start, end = road.stretch(location.s_m, location.lane, location.travel)
+        if road.lane_at(start + _END_M, location.lane) is None:
             return 0.0
-        low, high = max(place.s_m - _NEAR_M, start + _END_M), min(place.s_m + _NEAR_M, end - _END_M)
+        low, high = max(location.s_m - _NEAR_M, start + _END_M), min(location.s_m + _NEAR_M, end - _END_M)
         if high - low < _END_M:
             return 0.0
-        change = road.lane_middle_m(high, place.lane) - road.lane_middle_m(low, place.lane)
+        change = road.lane_middle_m(high, location.lane) - road.lane_middle_m(low, location.lane)
         return math.atan2(change, high - low)
 
-    def advance(self, place: RoadPlace, way_m: float) -> tuple[RoadPlace, float]:
-        """The place reached along a lane, measured on the reference lines, in the direction of travel.
+    def advance(self, location: RoadLocation, way_m: float) -> tuple[RoadLocation, float]:
+        """The location reached along a lane, measured on the reference lines, in the direction of travel.
 
         Returns:
-            The place, and the distance [m] that is left: above 0 where the lane ends before, or its way on is not
+            The location, and the distance [m] that is left: above 0 where the lane ends before, or its way on is not
             unique.
         """
         left_m = way_m
         for _ in range(_MOST_ROADS):
-            start, end = self.road(place.road).stretch(place.s_m, place.lane, place.travel)
-            end = end if place.travel > 0 else start
-            room_m = max((end - place.s_m) * place.travel, 0.0)
+            start, end = self.road(location.road).stretch(location.s_m, location.lane, location.travel)
+            end = end if location.travel > 0 else start
+            room_m = max((end - location.s_m) * location.travel, 0.0)
             if left_m <= room_m:
-                return replace(place, s_m=place.s_m + place.travel * left_m), 0.0
+                return replace(location, s_m=location.s_m + location.travel * left_m), 0.0
             left_m -= room_m
-            onward = self.onward(replace(place, s_m=end))
+            onward = self.onward(replace(location, s_m=end))
             if len(onward) != 1:
-                return replace(place, s_m=end), left_m
-            place = onward[0]
-        return place, left_m
+                return replace(location, s_m=end), left_m
+            location = onward[0]
+        return location, left_m
 
-    def onward(self, place: RoadPlace) -> list[RoadPlace]:
-        """Places at which the way goes on from the end of a lane: in the next section, road, or roads of a junction."""
-        road = self.road(place.road)
-        lane = road.lane_before(place.s_m, place.lane, place.travel)
-        linked = None if lane is None else lane.successor if place.travel > 0 else lane.predecessor
-        linked = 0 if place.lane == 0 else linked
-        if 2 * _END_M < place.s_m < road.length_m - 2 * _END_M:
-            return [] if linked is None else [replace(place, lane=linked)]
-        link = road.successor if place.travel > 0 else road.predecessor
+    def onward(self, location: RoadLocation) -> list[RoadLocation]:
+        """Locations after the end of a lane: in the next section, road, or roads of a junction."""
+        road = self.road(location.road)
+        lane = road.lane_before(location.s_m, location.lane, location.travel)
+        linked = None if lane is None else lane.successor if location.travel > 0 else lane.predecessor
+        linked = 0 if location.lane == 0 else linked
+        if 2 * _END_M < location.s_m < road.length_m - 2 * _END_M:
+            return [] if linked is None else [replace(location, lane=linked)]
+        link = road.successor if location.travel > 0 else road.predecessor
         if link is None:
             return []
         if link.kind == "junction":
-            entered = self._through_junction(place, link)
+            entered = self._through_junction(location, link)
         else:
             is_known = link.id in self.roads and linked is not None
-            entered = [self._entered(place, link.id, link.at_start, linked or 0)] if is_known else []
+            entered = [self._entered(location, link.id, link.at_start, linked or 0)] if is_known else []
         return [each for each in entered if self._exists(each)]
 
-    def _exists(self, place: RoadPlace) -> bool:
-        is_inside = self.road(place.road).lane_at(place.s_m + place.travel * _END_M, place.lane) is not None
-        return place.lane == 0 or is_inside
+    def _exists(self, location: RoadLocation) -> bool:
+        is_inside = self.road(location.road).lane_at(location.s_m + location.travel * _END_M, location.lane) is not None
+        return location.lane == 0 or is_inside
 
-    def _through_junction(self, place: RoadPlace, link: RoadLink) -> list[RoadPlace]:
-        paths = [path for path in self.junctions.get(link.id, ()) if path.incoming == place.road]
+    def _through_junction(self, location: RoadLocation, link: RoadLink) -> list[RoadLocation]:
+        paths = [path for path in self.junctions.get(link.id, ()) if path.incoming == location.road]
         paths = [path for path in paths if path.connecting in self.roads]
         return [
-            self._entered(place, path.connecting, path.at_start, path.lanes[place.lane])
+            self._entered(location, path.connecting, path.at_start, path.lanes[location.lane])
             for path in paths
-            if place.lane in path.lanes
+            if location.lane in path.lanes
         ]
 
-    def _entered(self, place: RoadPlace, road_id: str, at_start: bool, lane: int) -> RoadPlace:
+    def _entered(self, location: RoadLocation, road_id: str, at_start: bool, lane: int) -> RoadLocation:
         travel = 1 if at_start else -1
-        offset_m = place.offset_m * place.travel * travel
-        return RoadPlace(road_id, 0.0 if at_start else self.road(road_id).length_m, lane, offset_m, travel)
+        offset_m = location.offset_m * location.travel * travel
+        return RoadLocation(road_id, 0.0 if at_start else self.road(road_id).length_m, lane, offset_m, travel)
 
-    def locate(self, x_m: float, y_m: float) -> RoadPlace | None:
-        """The place on the nearest road, facing in the direction of its lane; None beyond the ends of all roads."""
+    def locate(self, x_m: float, y_m: float) -> RoadLocation | None:
+        """The location on the nearest road, facing in the direction of its lane; None beyond the ends of all roads."""
         names, samples, tree = self._samples()
         if not names:
             return None
@@ -206,7 +206,7 @@ class RoadNetwork:
             s_m += along
         if not -_BEYOND_M <= s_m <= road.length_m + _BEYOND_M:
             return None
-        return self.place_beside(road.id, min(max(s_m, 0.0), road.length_m), t_m)
+        return self.adjacent_location(road.id, min(max(s_m, 0.0), road.length_m), t_m)
 
     def _samples(self) -> tuple[list[str], np.ndarray, KDTree]:
         from scipy.spatial import KDTree

@@ -41,7 +41,7 @@ def spiral(start_per_m: float, end_per_m: float, length_m: float) -> Curve:
 def clothoid(
     x_m: float, y_m: float, heading_rad: float, curvature_per_m: float, rate_per_m2: float, along_m: np.ndarray
 ) -> np.ndarray:
-    """x, y [m] and heading [rad] (n, 3) at distances along a clothoid (n,) that starts at a place with a curvature."""
+    """x, y [m] and heading [rad] (n, 3) at distances (n,) along a clothoid with a start and its curvature."""
     length_m = float(along_m.max())
     curve = spiral(curvature_per_m, curvature_per_m + rate_per_m2 * length_m, length_m)
     return PlanView(np.zeros(1), np.array([[x_m, y_m, heading_rad]]), (curve,)).at(along_m)

@@ -15,7 +15,7 @@ from cosim.traffic.opendrive.plan_view import PlanView
 
 
 class OpenDriveError(CosimError):
-    """A road network that cannot be evaluated, or a place that it does not have."""
+    """A road network that cannot be evaluated, or a location that it does not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +185,8 @@ class Road:
             if lane_id * side > 0
         }
 
-    def lane_beside(self, s_m: float, t_m: float) -> int:
-        """Lane at a lateral position t; the outermost one of that side for places beside the road, 0 without any."""
+    def adjacent_lane(self, s_m: float, t_m: float) -> int:
+        """Lane at a lateral position t; the outermost one of that side for locations beside the road, 0 without any."""
         side = 1 if t_m > self.lane_offset.at(s_m) else -1
         lanes = sorted((lane for lane in self._lane_ids(s_m) if lane * side > 0), key=abs)
         for lane_id in lanes:

@@ -17,6 +17,7 @@ from typing import Any
 from cosim.traffic.trajectories.tracks import RoadTracks, TrajectoryError, gather
 from cosim.traffic.trajectories.xosc_driving import Transition
 from cosim.traffic.trajectories.xosc_entities import load_library, parameter_assignments, parse_element, read_users
+from cosim.traffic.trajectories.xosc_locations import Locations
 from cosim.traffic.trajectories.xosc_motion import (
     REMEDY,
     LaneAction,
@@ -26,7 +27,6 @@ from cosim.traffic.trajectories.xosc_motion import (
     Way,
 )
 from cosim.traffic.trajectories.xosc_parameters import resolve_parameters
-from cosim.traffic.trajectories.xosc_places import Places
 from cosim.traffic.trajectories.xosc_triggers import first_time_s, unknown_conditions
 
 _WITHOUT_MOTION = (
@@ -68,8 +68,8 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
     initial = _take_initial(path, scenario, xosc, ways)
     for story in scenario.storyboard.stories:
         _take_story(path, story, xosc, ways)
-    places = Places(path, scenario.roadnetwork.road_file or "", initial, xosc)
-    motion = ScenarioMotion(path, places, ways, limits, xosc)
+    locations = Locations(path, scenario.roadnetwork.road_file or "", initial, xosc)
+    motion = ScenarioMotion(path, locations, ways, limits, xosc)
     end_s = motion.end_s(first_time_s(scenario.storyboard.stoptrigger, xosc))
     samples = [sample for name in ways for sample in motion.samples(name, end_s)]
     tracks = gather(path, samples, users, centred=True)
@@ -135,7 +135,7 @@ def _take(
         way.trajectories.append(TrajectoryAction(action, start_s, unknown))
         return
     if isinstance(action, xosc.TeleportAction) and start_s == 0.0:
-        raise TrajectoryError(f"{path}: {name!r} is placed by a TeleportAction of a story; place it in Init")
+        raise TrajectoryError(f"{path}: {name!r} is placed by a TeleportAction of a story; location it in Init")
     change = _speed(action, start_s or 0.0, xosc) or _lane(path, name, action, start_s or 0.0, xosc)
     if change is None:
         raise TrajectoryError(f"{path}: {name!r} does a {word}, whose motion is known only in simulation: {REMEDY}")

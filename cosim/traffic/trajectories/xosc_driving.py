@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cosim.traffic.opendrive import OpenDriveError, RoadNetwork, RoadPlace
+from cosim.traffic.opendrive import OpenDriveError, RoadLocation, RoadNetwork
 from cosim.traffic.trajectories.xosc_entities import Limits
-from cosim.traffic.trajectories.xosc_places import shifted_lane
+from cosim.traffic.trajectories.xosc_locations import shifted_lane
 
 STEP_S = 0.1
 _SUBSTEPS = 4
@@ -120,7 +120,7 @@ class LaneChange:
         lane: id of the target lane; None if it follows from the next two.
         by: number of lanes to the left of the own lane, or of the lane of another vehicle, as seen in that vehicle's
             direction of travel; None keeps the lane.
-        other: place of another vehicle at a time; None for changes relative to the own lane.
+        other: location of another vehicle at a time; None for changes relative to the own lane.
         offset_m: offset from the middle of the target lane at the end.
         transition: of the lateral position.
     """
@@ -128,7 +128,7 @@ class LaneChange:
     start_s: float
     lane: int | None
     by: int | None
-    other: Callable[[float], RoadPlace] | None
+    other: Callable[[float], RoadLocation] | None
     offset_m: float
     transition: Transition
 
@@ -164,13 +164,13 @@ class LaneDriver:
 
     Attributes:
         network: roads.
-        place: where it is.
+        location: where it is.
         speed: over time.
         lanes: changes in the order of their starts.
     """
 
     network: RoadNetwork
-    place: RoadPlace
+    location: RoadLocation
     speed: SpeedProfile
     lanes: Sequence[LaneChange]
     _speed_mps: float = 0.0
@@ -200,24 +200,24 @@ class LaneDriver:
         return Driven(np.array(rows))
 
     def _begin_lane(self, change: LaneChange) -> None:
-        now_m = self.network.lateral_m(self.place) + self._lateral.left_m()
-        lane = self.place.lane if change.lane is None else change.lane
+        now_m = self.network.lateral_m(self.location) + self._lateral.left_m()
+        lane = self.location.lane if change.lane is None else change.lane
         if change.by is not None:
             reference = self._reference(change)
             lane = shifted_lane(reference.lane, change.by * reference.travel)
-        self.place = replace(self.place, lane=lane, offset_m=change.offset_m)
-        start_m = now_m - self.network.lateral_m(self.place)
+        self.location = replace(self.location, lane=lane, offset_m=change.offset_m)
+        start_m = now_m - self.network.lateral_m(self.location)
         is_step = change.transition.shape == "step"
         self._lateral = _Lateral() if is_step else _Lateral(change.transition, start_m, 0.0)
 
-    def _reference(self, change: LaneChange) -> RoadPlace:
+    def _reference(self, change: LaneChange) -> RoadLocation:
         if change.other is None:
-            return self.place
+            return self.location
         other = change.other(change.start_s)
-        if other.road != self.place.road:
+        if other.road != self.location.road:
             raise OpenDriveError(
                 f"the lane change at {change.start_s:g} s is relative to a vehicle on road {other.road!r}, not on "
-                f"{self.place.road!r}"
+                f"{self.location.road!r}"
             )
         return other
 
@@ -247,44 +247,44 @@ class LaneDriver:
             self._lateral = _Lateral()
         if way_m == 0:
             return 0.0
-        was = self.place.travel
+        was = self.location.travel
         scale = self._length_of_lane(way_m)
-        self.place, left_m = self.network.advance(
-            self.place if way_m > 0 else replace(self.place, travel=-was), abs(way_m) / scale
+        self.location, left_m = self.network.advance(
+            self.location if way_m > 0 else replace(self.location, travel=-was), abs(way_m) / scale
         )
         if way_m < 0:
-            self.place = replace(self.place, travel=-self.place.travel)
-        if self.place.travel != was:
+            self.location = replace(self.location, travel=-self.location.travel)
+        if self.location.travel != was:
             self._lateral.start_m = -self._lateral.start_m
         return left_m
 
     def _length_of_lane(self, way_m: float) -> float:
         """Length of the vehicle's way over that of the reference line, which differ in bends."""
-        ahead_m = math.copysign(min(max(abs(way_m), 0.05), 0.5), way_m) * self.place.travel
-        road = self.network.road(self.place.road)
-        s_m = min(max(self.place.s_m, 0.0), road.length_m)
+        ahead_m = math.copysign(min(max(abs(way_m), 0.05), 0.5), way_m) * self.location.travel
+        road = self.network.road(self.location.road)
+        s_m = min(max(self.location.s_m, 0.0), road.length_m)
         s_near = min(max(s_m + ahead_m, 0.0), road.length_m)
         if abs(s_near - s_m) < 0.01:
             s_m = min(max(s_m - ahead_m, 0.0), road.length_m)
-        t_m = self.network.lateral_m(self.place) + self._lateral.left_m()
+        t_m = self.network.lateral_m(self.location) + self._lateral.left_m()
         one, other = (np.array(road.pose(s, t_m)[:3]) for s in (s_m, s_near))
         scale = float(np.linalg.norm(other - one)) / max(abs(s_near - s_m), 1e-9)
         return min(max(scale, 0.2), 5.0)
 
     def _row(self, time_s: float, lateral_rate_mps: float) -> list[float]:
-        place = replace(self.place, offset_m=self.place.offset_m + self._lateral.left_m())
-        x, y, z, heading = self.network.pose(place)
+        location = replace(self.location, offset_m=self.location.offset_m + self._lateral.left_m())
+        x, y, z, heading = self.network.pose(location)
         speed_mps = abs(self._speed_mps)
         if speed_mps > 0.1:  # the speed is that of the whole motion, also sideways
             drift = math.asin(min(max(lateral_rate_mps / speed_mps, -1.0), 1.0))
-            heading += drift * place.travel * math.copysign(1.0, self._speed_mps)
+            heading += drift * location.travel * math.copysign(1.0, self._speed_mps)
         return [time_s, x, y, z, heading]
 
     def _reason(self, time_s: float) -> str:
-        """Why the vehicle cannot go on at its present place."""
+        """Why the vehicle cannot go on at its present location."""
         try:
-            ways = len(self.network.onward(self.place))
+            ways = len(self.network.onward(self.location))
         except OpenDriveError:
             ways = 0
-        where = f"road {self.place.road!r} at {time_s:.1f} s"
+        where = f"road {self.location.road!r} at {time_s:.1f} s"
         return f"{where}, which goes on in {ways} ways without a route" if ways > 1 else f"the end of {where}"

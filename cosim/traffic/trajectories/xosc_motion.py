@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.traffic.opendrive import OpenDriveError, RoadPlace, clothoid
+from cosim.traffic.opendrive import OpenDriveError, RoadLocation, clothoid
 from cosim.traffic.trajectories.tracks import TrackSample, TrajectoryError
 from cosim.traffic.trajectories.xosc_driving import (
     STEP_S,
@@ -22,7 +22,7 @@ from cosim.traffic.trajectories.xosc_driving import (
     Transition,
 )
 from cosim.traffic.trajectories.xosc_entities import Limits
-from cosim.traffic.trajectories.xosc_places import Place, Places
+from cosim.traffic.trajectories.xosc_locations import Location, Locations
 
 REMEDY = "run the scenario in a simulator, for example esmini, and give its table of trajectories"
 _STARTS_S = 0.05  # a trajectory that starts so soon starts immediately
@@ -111,7 +111,7 @@ class ScenarioMotion:
 
     Args:
         path: for messages.
-        places: evaluates positions.
+        locations: evaluates positions.
         ways: motion of each entity.
         limits: performance of each.
         xosc: the library.
@@ -121,9 +121,9 @@ class ScenarioMotion:
     """
 
     def __init__(
-        self, path: Path, places: Places, ways: Mapping[str, Way], limits: Mapping[str, Limits], xosc: Any
+        self, path: Path, locations: Locations, ways: Mapping[str, Way], limits: Mapping[str, Limits], xosc: Any
     ) -> None:
-        self._path, self._places, self._ways, self._limits, self._xosc = path, places, ways, limits, xosc
+        self._path, self._locations, self._ways, self._limits, self._xosc = path, locations, ways, limits, xosc
         self._profiles: dict[str, SpeedProfile | None] = {}
         self._rows: dict[int, np.ndarray] = {}
         self.notes: list[str] = []
@@ -153,7 +153,7 @@ class ScenarioMotion:
 
     def samples(self, name: str, end_s: float) -> list[TrackSample]:
         """An entity's track at 10 Hz: on its lane, or at its initial position, until its trajectory starts."""
-        way, start = self._ways[name], self._places.start_of(name)
+        way, start = self._ways[name], self._locations.start_of(name)
         trajectories = sorted((self._trajectory(name, each) for each in way.trajectories), key=lambda rows: rows[0, 0])
         if start is None and not trajectories:
             raise TrajectoryError(
@@ -217,19 +217,19 @@ class ScenarioMotion:
             lane, by = action.lane, action.lane if is_own else None
             if lane is not None and action.reference and not is_own:
                 lane, by = None, lane
-            lane_of = None if is_own or not action.reference else partial(self._place_at, name, action.reference)
+            lane_of = None if is_own or not action.reference else partial(self._location_at, name, action.reference)
             changes.append(
                 LaneChange(action.start_s, None if is_own else lane, by, lane_of, action.offset_m, action.transition)
             )
         return changes
 
-    def _place_at(self, name: str, other: str, time_s: float) -> RoadPlace:
+    def _location_at(self, name: str, other: str, time_s: float) -> RoadLocation:
         """Where another entity is on the roads at a time.
 
         Raises:
             TrajectoryError: it does not drive on a lane then.
         """
-        way, start = self._ways.get(other), self._places.start_of(other)
+        way, start = self._ways.get(other), self._locations.start_of(other)
         if (
             way is None
             or start is None
@@ -242,22 +242,22 @@ class ScenarioMotion:
             )
         driver = self._driver(other, start, time_s)
         driver.drive(time_s)
-        return driver.place
+        return driver.location
 
-    def _driver(self, name: str, start: Place, until_s: float) -> LaneDriver:
-        road = self._places.nearest(start)
+    def _driver(self, name: str, start: Location, until_s: float) -> LaneDriver:
+        road = self._locations.nearest(start)
         if road is None:
             raise TrajectoryError(
-                f"{self._path}: {name!r} drives from a place beyond the ends of all roads, so its way is not defined"
+                f"{self._path}: {name!r} drives from a location beyond the ends of all roads, so its way is not defined"
             )
-        along = self._places.network.pose(road)[3]
+        along = self._locations.network.pose(road)[3]
         if abs(math.sin(start.pose[3] - along)) > _ACROSS:
             raise TrajectoryError(
                 f"{self._path}: {name!r} has a speed, but faces across its lane, so its way is not defined: {REMEDY}"
             )
-        return LaneDriver(self._places.network, road, self._speed(name), self._lane_changes(name, until_s))
+        return LaneDriver(self._locations.network, road, self._speed(name), self._lane_changes(name, until_s))
 
-    def _driven(self, name: str, start: Place, until_s: float) -> np.ndarray:
+    def _driven(self, name: str, start: Location, until_s: float) -> np.ndarray:
         """Rows of a vehicle that follows its lane."""
         try:
             driven = self._driver(name, start, until_s).drive(until_s)
@@ -300,10 +300,10 @@ class ScenarioMotion:
         shape = trajectory.shapes if isinstance(trajectory, xosc.Trajectory) else trajectory
         standing = self._standing(name, each.start_s)
         if isinstance(shape, xosc.Polyline):
-            points = np.array([self._places.place(name, one, standing).pose for one in shape.positions])
+            points = np.array([self._locations.location(name, one, standing).pose for one in shape.positions])
             return (np.array(shape.time, float) if shape.time else None), points
         if isinstance(shape, xosc.Clothoid):
-            x, y, z, heading = self._places.place(name, shape.startposition, standing).pose.tolist()
+            x, y, z, heading = self._locations.location(name, shape.startposition, standing).pose.tolist()
             along = np.linspace(0, shape.length, max(2, math.ceil(shape.length / _CLOTHOID_M) + 1))
             line = clothoid(
                 x, y, 0.0 if math.isnan(heading) else heading, shape.curvature, shape.curvature_change, along
@@ -336,14 +336,14 @@ class ScenarioMotion:
     def _standing(self, name: str, start_s: float | None) -> Collection[str]:
         """Entities that are still at their initial position when a trajectory of `name` starts."""
         if start_s is not None and start_s <= 0:
-            return set(self._ways) | self._places.named
+            return set(self._ways) | self._locations.named
         still = {other for other, way in self._ways.items() if not (way.drives() or way.trajectories)}
-        still |= self._places.named - set(self._ways)
+        still |= self._locations.named - set(self._ways)
         own = self._ways[name]
         return still | {name} if not own.drives() and len(own.trajectories) == 1 else still
 
 
-def _standing(start: Place, until_s: float) -> np.ndarray:
+def _standing(start: Location, until_s: float) -> np.ndarray:
     times = np.append(np.arange(0.0, until_s, STEP_S), until_s)
     return np.column_stack([times, np.tile(start.pose, (len(times), 1))])
 

@@ -40,7 +40,7 @@ def resolve_parameters(source: str, element: ET.Element, outer: Mapping[str, str
     """Replace uses of parameters in an element and all below it, in place.
 
     Args:
-        source: file and place, for messages.
+        source: file and location, for messages.
         element: declares parameters for itself and its children.
         outer: values that enclosing elements declare, or that a reference assigns.
 

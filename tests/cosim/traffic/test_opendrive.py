@@ -94,7 +94,7 @@ def test_polynomials_are_followed_by_arc_length(shape, length, tmp_path):
     assert plan.at(np.array([half]))[0, :2] == pytest.approx((15, 2.25), abs=1e-3)
 
 
-def test_lanes_lie_beside_the_shifted_centre_on_the_rolled_road(tmp_path):
+def test_lanes_are_next_to_the_shifted_centre_on_the_rolled_road(tmp_path):
     more = (
         '<elevationProfile><elevation s="0" a="2" b="0.05" c="0" d="0"/></elevationProfile>'
         '<lateralProfile><superelevation s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>'
@@ -102,15 +102,15 @@ def test_lanes_lie_beside_the_shifted_centre_on_the_rolled_road(tmp_path):
     shift = '<laneOffset s="0" a="1" b="0" c="0" d="0"/>'
     roads = network(tmp_path, road("1", shift + section(0, lane(1), lane(-1, 3.0), lane(-2, 2.0, 0.02)), more=more))
     t_m = 1 - 3.0 - (2.0 + 0.02 * 40) / 2 + 0.25
-    x, y, z, heading = roads.pose(roads.place("1", -2, 40.0, 0.25))
+    x, y, z, heading = roads.pose(roads.location("1", -2, 40.0, 0.25))
     assert (x, y, z) == pytest.approx((40, t_m * math.cos(0.1), 4 + t_m * math.sin(0.1)))
     assert heading == pytest.approx(math.atan(-0.01), abs=1e-6), "the middle of a widening lane"
-    assert roads.pose(roads.place("1", 1, 40.0, 0.0))[3] == pytest.approx(math.pi), "traffic on the left comes back"
+    assert roads.pose(roads.location("1", 1, 40.0, 0.0))[3] == pytest.approx(math.pi), "traffic on the left comes back"
 
 
 def test_left_hand_traffic_faces_along_s_on_the_left(tmp_path):
     roads = network(tmp_path, road("1", section(0, lane(1), lane(-1)), rule="LHT"))
-    assert roads.pose(roads.place("1", 1, 40.0, 0.0))[3] == pytest.approx(0.0)
+    assert roads.pose(roads.location("1", 1, 40.0, 0.0))[3] == pytest.approx(0.0)
 
 
 def test_a_way_follows_links_of_sections_and_roads(tmp_path):
@@ -121,10 +121,16 @@ def test_a_way_follows_links_of_sections_and_roads(tmp_path):
     geometry = '<geometry s="0" x="200" y="0" hdg="3.141592653589793" length="100"><line/></geometry>'
     second = road("b", section(0, lane(1), lane(-1)), geometry)
     roads = network(tmp_path, first, second)
-    place, left_m = roads.advance(roads.place("a", -2, 10.0, -0.5), 100.0)
-    assert (place.road, place.lane, place.travel, place.s_m, left_m) == ("b", 1, -1, pytest.approx(90.0), 0.0)
-    assert roads.pose(place)[:2] == pytest.approx((110, -1.75 - 0.5)) and math.cos(roads.pose(place)[3]) > 0.999
-    assert roads.advance(place, 200.0)[1] == pytest.approx(110.0), "beyond the end of the last road"
+    location, left_m = roads.advance(roads.location("a", -2, 10.0, -0.5), 100.0)
+    assert (location.road, location.lane, location.travel, location.s_m, left_m) == (
+        "b",
+        1,
+        -1,
+        pytest.approx(90.0),
+        0.0,
+    )
+    assert roads.pose(location)[:2] == pytest.approx((110, -1.75 - 0.5)) and math.cos(roads.pose(location)[3]) > 0.999
+    assert roads.advance(location, 200.0)[1] == pytest.approx(110.0), "beyond the end of the last road"
 
 
 def test_a_junction_with_two_ways_on_ends_a_way(tmp_path):
@@ -136,18 +142,18 @@ def test_a_junction_with_two_ways_on_ends_a_way(tmp_path):
     )
     arms = [road(name, section(0, lane(-1)), junction="j") for name in ("left", "right")]
     roads = network(tmp_path, road("a", section(0, lane(-1)), link=onto), *arms, f'<junction id="j">{ways}</junction>')
-    place, left_m = roads.advance(roads.place("a", -1, 90.0, 0.0), 30.0)
-    assert (place.s_m, left_m) == (pytest.approx(100.0), pytest.approx(20.0))
-    assert {each.road for each in roads.onward(place)} == {"left", "right"}
+    location, left_m = roads.advance(roads.location("a", -1, 90.0, 0.0), 30.0)
+    assert (location.s_m, left_m) == (pytest.approx(100.0), pytest.approx(20.0))
+    assert {each.road for each in roads.onward(location)} == {"left", "right"}
 
 
-def test_places_are_found_from_world_coordinates(tmp_path):
+def test_locations_follow_from_world_coordinates(tmp_path):
     geometry = '<geometry s="0" x="10" y="0" hdg="0.5" length="60"><arc curvature="-0.01"/></geometry>'
     roads = network(tmp_path, road("1", section(0, lane(1), lane(-1), lane(-2)), geometry, 60))
     for lane_id, s_m in ((-2, 3.0), (-1, 31.7), (1, 55.0)):
-        place = roads.place("1", lane_id, s_m, 0.4)
-        found = roads.locate(*roads.pose(place)[:2])
-        assert found is not None and (found.lane, found.travel) == (lane_id, place.travel)
+        location = roads.location("1", lane_id, s_m, 0.4)
+        found = roads.locate(*roads.pose(location)[:2])
+        assert found is not None and (found.lane, found.travel) == (lane_id, location.travel)
         assert (found.s_m, found.offset_m) == (pytest.approx(s_m, abs=1e-6), pytest.approx(0.4, abs=1e-6))
     assert roads.locate(500.0, 0.0) is None
 
@@ -177,8 +183,8 @@ def test_what_is_wrong_in_a_road_is_named(changed, says, tmp_path):
         (("1", -1, 101.0, 0.0), "is 100 m long"),
     ],
 )
-def test_places_that_do_not_exist_are_refused(arguments, says, tmp_path):
+def test_locations_that_do_not_exist_are_refused(arguments, says, tmp_path):
     roads = network(tmp_path, road("1", section(0, lane(-1))))
     with pytest.raises(OpenDriveError, match=says):
-        roads.place(*arguments)
-    assert replace(roads.place("1", -1, 100.005, 0.0)).s_m == 100.0, "rounding of the length is allowed"
+        roads.location(*arguments)
+    assert replace(roads.location("1", -1, 100.005, 0.0)).s_m == 100.0, "rounding of the length is allowed"

@@ -28,13 +28,13 @@ AT = """<StartTrigger><ConditionGroup><Condition name="t" delay="0" conditionEdg
 </StartTrigger>"""
 
 
-def place(xy: np.ndarray, heading_rad: float) -> str:
+def location(xy: np.ndarray, heading_rad: float) -> str:
     x, y = xy
     return f'<Position><WorldPosition x="{x:.6f}" y="{y:.6f}" z="0" h="{heading_rad:.6f}"/></Position>'
 
 
 def follows(vertices: list[tuple[float, np.ndarray]], heading_rad: float, domain: str = "absolute") -> str:
-    line = "".join(f'<Vertex time="{time}">{place(xy, heading_rad)}</Vertex>' for time, xy in vertices)
+    line = "".join(f'<Vertex time="{time}">{location(xy, heading_rad)}</Vertex>' for time, xy in vertices)
     return f"""<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef>
 <Trajectory name="way" closed="false"><Shape><Polyline>{line}</Polyline></Shape></Trajectory></TrajectoryRef>
 <TimeReference><Timing domainAbsoluteRelative="{domain}" scale="1" offset="0"/></TimeReference>
@@ -79,7 +79,7 @@ def test_entities_are_where_their_trajectories_have_them(hamlet, lane, tmp_path)
     beside = start + 4 * np.array([-way[1], way[0]])
     path = scenario(
         tmp_path,
-        {"ego": teleport(place(start, heading)), "walker": teleport(place(beside, 0.0))},
+        {"ego": teleport(location(start, heading)), "walker": teleport(location(beside, 0.0))},
         {"ego": follows(vertices, heading, "relative")},
         start_s="$start",
         ego=CAR,
@@ -192,7 +192,7 @@ def test_an_entry_that_cannot_be_parsed_is_named(hamlet, lane, tmp_path):
     entry = CAR.replace('length="4.4"', 'length="long"')
     (tmp_path / "c.xosc").write_text(f'<OpenSCENARIO>{HEAD}<Catalog name="cars">{entry}</Catalog></OpenSCENARIO>')
     reference = '<CatalogReference catalogName="cars" entryName="saloon"/>'
-    path = scenario(tmp_path, {"ego": teleport(place(start, heading))}, {}, ego=reference)
+    path = scenario(tmp_path, {"ego": teleport(location(start, heading))}, {}, ego=reference)
     catalogs = '<CatalogLocations><VehicleCatalog><Directory path="."/></VehicleCatalog></CatalogLocations>'
     path.write_text(path.read_text().replace("<CatalogLocations/>", catalogs))
     with pytest.raises(TrajectoryError, match=r"c.xosc: scenariogeneration cannot parse Vehicle 'saloon'"):

@@ -1,4 +1,4 @@
-"""Scenarios in lane coordinates: initial places, and vehicles that keep lane and speed between actions."""
+"""Scenarios in lane coordinates: initial locations, and vehicles that keep lane and speed between actions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from cosim.traffic.trajectories import Replay, TrajectoryError, read_trajectories
 from tests.cosim.traffic.test_opendrive import lane, road, section
-from tests.cosim.traffic.test_openscenario import CAR, REAR_AXLE_M, WALKER, place, scenario, teleport
+from tests.cosim.traffic.test_openscenario import CAR, REAR_AXLE_M, WALKER, location, scenario, teleport
 from tests.cosim.traffic.test_trajectories import along
 
 ROAD_M, LANE_M = 60.0, 3.2
@@ -180,7 +180,7 @@ def test_a_speed_relative_to_a_constant_one_is_known(kind, value, street):
 
 def test_a_path_without_times_is_followed_at_the_own_speed(street):
     heading = math.atan2(street.way[1], street.way[0])
-    vertices = "".join(f"<Vertex>{place(street.at(s_m, -1), heading)}</Vertex>" for s_m in (10, 20, 40))
+    vertices = "".join(f"<Vertex>{location(street.at(s_m, -1), heading)}</Vertex>" for s_m in (10, 20, 40))
     follow = f"""<PrivateAction><RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="way"
 closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference><None/>
 </TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>

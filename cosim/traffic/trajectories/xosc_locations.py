@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from cosim.traffic.opendrive import OpenDriveError, RoadNetwork, RoadPlace, read_road_network
+from cosim.traffic.opendrive import OpenDriveError, RoadLocation, RoadNetwork, read_road_network
 from cosim.traffic.trajectories.tracks import TrajectoryError
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Location:
     """Pose of an entity's origin.
 
     Attributes:
@@ -30,14 +30,14 @@ class Place:
     """
 
     pose: np.ndarray
-    road: RoadPlace | None
+    road: RoadLocation | None
 
 
-class Places:
+class Locations:
     """Evaluates the positions of a scenario.
 
     Args:
-        path: the scenario, for messages and for the place of its road network.
+        path: the scenario, for messages and for the location of its road network.
         road_file: `LogicFile` of the scenario; empty without one.
         initial: positions that each entity is given at the start, one after the other, by name; each may refer to the
             one before.
@@ -72,12 +72,12 @@ class Places:
         """Entities with an initial position."""
         return set(self._initial)
 
-    def start_of(self, name: str) -> Place | None:
+    def start_of(self, name: str) -> Location | None:
         """Where an entity is at the start; None if its first action does not give it."""
         return self._at_start(name, name) if self._initial.get(name) else None
 
-    def place(self, name: str, position: Any, standing: Collection[str]) -> Place:
-        """Place of an entity.
+    def location(self, name: str, position: Any, standing: Collection[str]) -> Location:
+        """Location of an entity.
 
         Args:
             name: of the entity, for messages.
@@ -92,110 +92,110 @@ class Places:
         except OpenDriveError as error:
             raise TrajectoryError(f"{self._path}: position of {name!r}: {error}") from error
 
-    def _evaluate(self, name: str, position: Any, standing: Collection[str]) -> Place:
+    def _evaluate(self, name: str, position: Any, standing: Collection[str]) -> Location:
         xosc = self._xosc
         if isinstance(position, xosc.WorldPosition):
             values = [
                 math.nan if value is None else value for value in (position.x, position.y, position.z, position.h)
             ]
-            return Place(np.array(values, float), None)
+            return Location(np.array(values, float), None)
         if isinstance(position, xosc.LanePosition):
-            road = self.network.place(
+            road = self.network.location(
                 str(position.road_id), int(position.lane_id), float(position.s), float(position.offset or 0.0)
             )
             return self._on_road_facing(road, position.orient)
         if isinstance(position, xosc.RoadPosition):
-            road = self.network.place_beside(str(position.id), float(position.s), float(position.t))
+            road = self.network.adjacent_location(str(position.id), float(position.s), float(position.t))
             return self._on_road_facing(replace(road, travel=1), position.orient)
         if isinstance(position, xosc.RelativeLanePosition):
-            return self._beside_lane(name, position, standing)
+            return self._relative_to_lane(name, position, standing)
         if isinstance(position, xosc.RelativeRoadPosition):
             other = self._on_road(name, position, position.target, standing)
             moved = self._moved(other, float(position.ds))
             t_m = self.network.lateral_m(other) + float(position.dt)
-            road = self.network.place_beside(moved.road, moved.s_m, t_m)
+            road = self.network.adjacent_location(moved.road, moved.s_m, t_m)
             return self._on_road_facing(replace(road, travel=1), position.orient)
         if isinstance(position, xosc.RelativeWorldPosition | xosc.RelativeObjectPosition):
-            return self._beside_object(name, position, standing)
+            return self._relative_to_object(name, position, standing)
         raise TrajectoryError(f"{self._path}: {name!r} has a {type(position).__name__}, which is not evaluated")
 
-    def _on_road_facing(self, road: RoadPlace, orientation: Any) -> Place:
-        """A place on a road, turned by an orientation of the library."""
+    def _on_road_facing(self, road: RoadLocation, orientation: Any) -> Location:
+        """A location on a road, turned by an orientation of the library."""
         x, y, z, along = self.network.pose(road)
         relative, value = _orientation(orientation)
         heading = along + value if relative else value
         if math.cos(heading - along) < 0:
             road = replace(road, travel=-road.travel)
-        return Place(np.array([x, y, z, heading]), road)
+        return Location(np.array([x, y, z, heading]), road)
 
-    def nearest(self, place: Place) -> RoadPlace | None:
-        """The place on the road network for a place in world coordinates, in the direction that the entity faces."""
-        if place.road is not None:
-            return place.road
-        found = self.network.locate(float(place.pose[0]), float(place.pose[1]))
-        if found is None or not math.isfinite(place.pose[3]):
+    def nearest(self, location: Location) -> RoadLocation | None:
+        """The location on the road network of a location in world coordinates, in the direction of the entity."""
+        if location.road is not None:
+            return location.road
+        found = self.network.locate(float(location.pose[0]), float(location.pose[1]))
+        if found is None or not math.isfinite(location.pose[3]):
             return found
         along = self.network.pose(found)[3]
-        return replace(found, travel=-found.travel) if math.cos(place.pose[3] - along) < 0 else found
+        return replace(found, travel=-found.travel) if math.cos(location.pose[3] - along) < 0 else found
 
-    def _reference(self, name: str, position: Any, other: str, standing: Collection[str]) -> Place:
+    def _reference(self, name: str, position: Any, other: str, standing: Collection[str]) -> Location:
         if other not in standing or not self._initial.get(other):
             moves = "moves then" if self._initial.get(other) else "has no initial position"
             raise TrajectoryError(
-                f"{self._path}: {name!r} has a {type(position).__name__} to {other!r}, which {moves}: its place is "
+                f"{self._path}: {name!r} has a {type(position).__name__} to {other!r}, which {moves}: its location is "
                 "known only in simulation"
             )
         return self._at_start(name, other)
 
-    def _at_start(self, name: str, other: str) -> Place:
-        """Place of an entity at the start: the last of its initial positions, or the one before that evaluated."""
+    def _at_start(self, name: str, other: str) -> Location:
+        """Location of an entity at the start: the last of its initial positions, or the one before that evaluated."""
         outer = self._being_found.get(other)
         number = len(self._initial[other]) - 1 if outer is None else outer - 1
         if number < 0:
             raise TrajectoryError(f"{self._path}: positions of {name!r} and {other!r} refer to each other")
         self._being_found[other] = number
         try:
-            return self.place(other, self._initial[other][number], standing=self._initial)
+            return self.location(other, self._initial[other][number], standing=self._initial)
         finally:
             if outer is None:
                 del self._being_found[other]
             else:
                 self._being_found[other] = outer
 
-    def _on_road(self, name: str, position: Any, other: str, standing: Collection[str]) -> RoadPlace:
-        place = self._reference(name, position, other, standing)
-        found = self.nearest(place)
+    def _on_road(self, name: str, position: Any, other: str, standing: Collection[str]) -> RoadLocation:
+        location = self._reference(name, position, other, standing)
+        found = self.nearest(location)
         if found is None:
             raise TrajectoryError(f"{self._path}: a position of {name!r} is relative to {other!r}, which is on no road")
         return found
 
-    def _moved(self, place: RoadPlace, ds_m: float) -> RoadPlace:
-        """A place further along s, or back."""
-        along = replace(place, travel=1 if ds_m >= 0 else -1)
+    def _moved(self, location: RoadLocation, ds_m: float) -> RoadLocation:
+        """A location further along s, or back."""
+        along = replace(location, travel=1 if ds_m >= 0 else -1)
         moved, left_m = self.network.advance(along, abs(ds_m))
         if left_m > 0:
             raise OpenDriveError(f"the road ends {left_m:.1f} m before, or goes on in several ways")
         return moved
 
-    def _beside_lane(self, name: str, position: Any, standing: Collection[str]) -> Place:
-        """A place in another lane, counted along s, or with `dsLane` as the reference entity travels."""
+    def _relative_to_lane(self, name: str, position: Any, standing: Collection[str]) -> Location:
+        """A location in another lane, counted along s, or with `dsLane` as the reference entity travels."""
         other = self._on_road(name, position, position.entity, standing)
         along_lane = position.ds is None
         direction = other.travel if along_lane else 1
         ds_m = float((position.dsLane if along_lane else position.ds) or 0.0)
         moved = self._moved(replace(other, offset_m=0.0), direction * ds_m)
         lane = shifted_lane(moved.lane, direction * int(position.lane_id))
-        road = self.network.place(moved.road, lane, moved.s_m, direction * float(position.offset or 0.0))
+        road = self.network.location(moved.road, lane, moved.s_m, direction * float(position.offset or 0.0))
         return self._on_road_facing(road if along_lane else replace(road, travel=1), position.orient)
 
-    def _beside_object(self, name: str, position: Any, standing: Collection[str]) -> Place:
-        place = self._reference(name, position, position.target, standing)
-        x, y, z, heading = place.pose.tolist()
+    def _relative_to_object(self, name: str, position: Any, standing: Collection[str]) -> Location:
+        location = self._reference(name, position, position.target, standing)
+        x, y, z, heading = location.pose.tolist()
         dx, dy, dz = (float(value or 0.0) for value in (position.dx, position.dy, position.dz))
         if isinstance(position, self._xosc.RelativeObjectPosition):
             dx, dy = dx * math.cos(heading) - dy * math.sin(heading), dx * math.sin(heading) + dy * math.cos(heading)
         relative, value = _orientation(position.orient)
-        return Place(np.array([x + dx, y + dy, z + dz, heading + value if relative else value]), None)
+        return Location(np.array([x + dx, y + dy, z + dz, heading + value if relative else value]), None)
 
 
 def shifted_lane(lane: int, by: int) -> int:
