@@ -128,7 +128,7 @@ def _openscenario() -> str:
 
 
 def _driving() -> str:
-    """A car that drives along lanes of `street.xodr` and changes lane, beside another one."""
+    """A car that drives along lanes of `street.xodr` and changes lane, next to another one."""
     text = _openscenario()
     start, end = text.index("<PrivateAction><RoutingAction>"), text.index("</RoutingAction></PrivateAction>")
     change = (

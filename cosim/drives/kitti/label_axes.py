@@ -3,7 +3,7 @@
 View-of-Delft has KITTI's format, but defines the rotation about the LiDAR's negative z axis (docs/ANNOTATION.md). The
 two readings differ where the camera is tilted against the LiDAR. Boxes are upright in LiDAR axes if two clues agree:
 the names of classes are those of that data set, and the points fit such boxes better. Without such names the points
-decide alone: the share of an object's points that are inside has to be clearly higher, and the number above its top
+decide: the share of an object's points that are inside has to be clearly higher, and the number above its top
 not higher.
 """
 
@@ -22,7 +22,7 @@ from cosim.drives.kitti.labels import DONT_CARE, Labels
 LabelAxes = Literal["camera", "lidar"]
 AXES: tuple[LabelAxes, ...] = ("camera", "lidar")
 _DELFT = {"bicycle_rack", "moped_scooter", "human_depiction", "ride_other", "ride_uncertain", "vehicle_other"}
-_TILTED_DEG = 2.0  # below, the readings hardly differ
+_TILTED_DEG = 2.0  # below, the readings are almost equal
 _GROUND_M, _SHELL_M, _ABOVE_M = 0.1, 0.15, 0.3
 _FEWEST_POINTS, _FEWEST_OBJECTS = 20, 8
 _CERTAIN = 3.0  # standard errors of the mean difference
@@ -41,7 +41,7 @@ def _tilt_deg(calibration: Calibration) -> float:
 
 
 def upright_in_lidar(labels: Labels, calibration: Calibration) -> Boxes:
-    """Boxes (LiDAR axes) of labels whose boxes stand upright in LiDAR axes and rotate about −z."""
+    """Boxes (LiDAR axes) of labels whose boxes are upright in LiDAR axes and rotate about −z."""
     centre = calibration.rect_to_velo(labels.location) + np.array([0, 0, 0.5]) * labels.dimensions[:, :1]
     return Boxes(centre, labels.dimensions[:, ::-1], -labels.rotation_y - np.pi / 2)
 
@@ -62,7 +62,7 @@ def in_camera_axes(labels: Labels, calibration: Calibration) -> Labels:
 def infer_label_axes(
     frames: Iterable[tuple[Labels, Calibration, np.ndarray]],
 ) -> tuple[LabelAxes, str]:
-    """The axis of labels, and the evidence in one sentence; empty where the readings hardly differ.
+    """The axis of labels, and the evidence in one sentence; empty where the readings are almost equal.
 
     Args:
         frames: labels without DontCare regions, calibration, and points (n, ≥ 3) in LiDAR axes of some frames.
@@ -86,13 +86,13 @@ def infer_label_axes(
             f"{tilted}, and {len(rows)} labelled objects are too few to test whether boxes are upright in camera or "
             "LiDAR axes: camera axes are assumed, as KITTI defines; write label_axes: lidar to drive.yaml otherwise"
         )
-    inside, beside, over = np.moveaxis(np.array(rows), 2, 0)  # (objects, readings) each
-    (camera, lidar), above = inside.sum(0) / beside.sum(0), over.sum(0)
+    inside, around, over = np.moveaxis(np.array(rows), 2, 0)  # (objects, readings) each
+    (camera, lidar), above = inside.sum(0) / around.sum(0), over.sum(0)
     evidence = (
-        f"{tilted}; {lidar:.1%} of the points beside labelled objects are inside boxes upright in LiDAR axes, "
+        f"{tilted}; {lidar:.1%} of the points in or next to labelled objects are inside boxes upright in LiDAR axes, "
         f"{camera:.1%} in camera axes, and {above[1]:.0f} against {above[0]:.0f} are above them ({len(rows)} objects)"
     )
-    gain = _gain(inside, beside)
+    gain = _gain(inside, around)
     fewer = [above[one] <= _ABOVE_RATIO * above[1 - one] for one in (0, 1)]
     named = sorted(classes & _DELFT)
     if named and lidar > camera and fewer[1]:
@@ -107,9 +107,9 @@ def infer_label_axes(
     )
 
 
-def _gain(inside: np.ndarray, beside: np.ndarray) -> float:
+def _gain(inside: np.ndarray, around: np.ndarray) -> float:
     """Mean gain of the share inside by the second reading, over objects, in standard errors."""
-    gains = inside[:, 1] / beside[:, 1] - inside[:, 0] / beside[:, 0]
+    gains = inside[:, 1] / around[:, 1] - inside[:, 0] / around[:, 0]
     return float(gains.mean() / max(gains.std(ddof=1) / np.sqrt(len(gains)), 1e-9))
 
 
@@ -143,8 +143,8 @@ def _counts(points: np.ndarray, rotation: np.ndarray, bottom: np.ndarray, dimens
     local = (near - bottom) @ rotation
     aside, up = np.abs(local[:, :2]), local[:, 2]
     half = np.array([length, width]) / 2
-    within, beside = (aside < half).all(1), (aside < half + _SHELL_M).all(1)
+    within, around = (aside < half).all(1), (aside < half + _SHELL_M).all(1)
     inside = within & (up > _GROUND_M) & (up < height)
-    shell = beside & (up > _GROUND_M) & (up < height + _SHELL_M)
+    shell = around & (up > _GROUND_M) & (up < height + _SHELL_M)
     above = within & (up >= height) & (up < height + _ABOVE_M)
     return np.array([inside.sum(), shell.sum(), above.sum()], float)

@@ -85,7 +85,7 @@ class RoadLink:
     Attributes:
         kind: `road` or `junction`.
         id: of it.
-        at_start: the linked road begins there, rather than ends; of no meaning for junctions.
+        at_start: the linked road starts there, rather than ends; of no meaning for junctions.
     """
 
     kind: str
@@ -169,7 +169,9 @@ class Road:
         for number in range(side, lane_id + side, side):
             inner, lane = outer, section.lanes.get(number)
             if lane is None:
-                raise OpenDriveError(f"road {self.id!r}: lane {number} is missing beside lane {lane_id}, s = {s_m:g} m")
+                raise OpenDriveError(
+                    f"road {self.id!r}: lane {number} is missing next to lane {lane_id}, s = {s_m:g} m"
+                )
             ds = s_m - section.start_s
             if lane.width is not None:
                 outer = inner + side * lane.width.at(ds)
@@ -186,7 +188,7 @@ class Road:
         }
 
     def adjacent_lane(self, s_m: float, t_m: float) -> int:
-        """Lane at a lateral position t; the outermost one of that side for locations beside the road, 0 without any."""
+        """Lane at a lateral position t; the outermost of that side for locations outside the road, 0 without any."""
         side = 1 if t_m > self.lane_offset.at(s_m) else -1
         lanes = sorted((lane for lane in self._lane_ids(s_m) if lane * side > 0), key=abs)
         for lane_id in lanes:

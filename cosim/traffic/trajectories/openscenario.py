@@ -1,4 +1,4 @@
-"""Scenarios of ASAM OpenSCENARIO XML 1.x whose motions are determined by the file alone.
+"""Scenarios of ASAM OpenSCENARIO XML 1.x whose motions are determined by the file.
 
 These are explicit trajectories, and vehicles that keep lane and speed between actions that start at known times.
 ASAM OpenSCENARIO 1.3, 7.4.1 and class FollowTrajectoryAction: positions are those of an entity's origin, for vehicles

@@ -151,7 +151,7 @@ class Driven:
 
     Attributes:
         rows: (n, 5) time [s], x, y, z [m], heading [rad].
-        ends_at: why the motion ends before the time asked for; empty if it does not.
+        ends_at: why the motion ends before the requested time; empty if it does not.
     """
 
     rows: np.ndarray

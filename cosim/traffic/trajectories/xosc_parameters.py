@@ -74,7 +74,7 @@ def _resolve(source: str, element: ET.Element, values: dict[str, str], fixed: fr
 
 
 def _name(source: str, text: str, values: Mapping[str, str]) -> str:
-    """A name with parameters; as it is where an expression in it is not arithmetic, since it only has to be unique."""
+    """A name with parameters; unchanged where an expression in it is not arithmetic, since it only has to be unique."""
     try:
         return _substitute(source, text, values)
     except TrajectoryError:

@@ -1,4 +1,4 @@
-"""Boxes that stand upright in camera or in LiDAR axes are told apart by the points of the objects."""
+"""Whether boxes are upright in camera or in LiDAR axes is inferred from the points of the objects."""
 
 from __future__ import annotations
 
