@@ -169,8 +169,8 @@ def test_locations_follow_from_world_coordinates(tmp_path):
 )
 def test_what_is_wrong_in_a_road_is_named(changed, says, tmp_path):
     text = road("1", section(0, lane(-1)))
-    new = {"<line/>": "<bow/>", 'length="100"': "", 's="0" x="0"': 's="0" x="nan"', "<geometry": "<geometrie"}[changed]
-    text = text.replace(changed, new).replace("</geometry>", "</geometrie>" if "geometrie" in new else "</geometry>")
+    new = {"<line/>": "<bow/>", 'length="100"': "", 's="0" x="0"': 's="0" x="nan"', "<geometry": "<outline"}[changed]
+    text = text.replace(changed, new).replace("</geometry>", "</outline>" if "outline" in new else "</geometry>")
     with pytest.raises(OpenDriveError, match=says):
         network(tmp_path, text)
 
