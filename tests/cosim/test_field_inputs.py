@@ -21,7 +21,7 @@ from cosim.recordings.recording import Recording, RecordingError
 from cosim.traffic.trajectories import TrajectoryError, read_trajectories
 from tests.cosim.point_files.test_schema_from_scans import _CALIBRATION, recording, scan, with_column, write_pcd
 from tests.cosim.traffic.test_levels import OVERPASS, lane
-from tests.cosim.traffic.test_openscenario import CAR, CONE, HEAD, follows, place, scenario, teleport
+from tests.cosim.traffic.test_openscenario import CAR, CONE, HEAD, follows, location, scenario, teleport
 from tests.cosim.traffic.test_table_schema import check, read, rows_of
 from tests.fuzz.table_variants import STREETS
 from tests.training.evaluation.test_rules_by_hand import cars, sure
@@ -272,7 +272,7 @@ HEADING = float(np.arctan2(40, 230))
 def test_things_of_a_catalogue_are_no_road_users_and_not_missing(tmp_path):
     reference = '<CatalogReference catalogName="things" entryName="cone"/>'
     way = follows([(0.0, START), (9.0, END)], HEADING)
-    path = scenario(tmp_path, {"cone": teleport(place(START, 0.0))}, {"ego": way}, ego=CAR, cone=reference)
+    path = scenario(tmp_path, {"cone": teleport(location(START, 0.0))}, {"ego": way}, ego=CAR, cone=reference)
     with_catalogue(path, "things", CONE)
     tracks = read_trajectories(path, STREETS)
     assert tracks.ids == ("ego",) and any("MiscObject" in note for note in tracks.notes)
