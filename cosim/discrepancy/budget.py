@@ -288,8 +288,8 @@ class _Scan:
         expectation = self._expectation
         if not removed.parts:
             return expectation
-        shift, gain = self.whole.shifts(removed.parts)
         moved = self.whole.moved(removed.parts)
+        shift, gain = self.whole.shifts_of(moved)
         return replace(
             expectation,
             range_m=expectation.range_m + shift,
@@ -333,7 +333,10 @@ class _Whole:
 
     def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Effect of the random effects of some sources: (n,) shift of ranges [m] and factor on intensities."""
-        moved = self.moved(parts)
+        return self.shifts_of(self.moved(parts))
+
+    def shifts_of(self, moved: Prediction) -> tuple[np.ndarray, np.ndarray]:
+        """The same of a prediction with the random effects applied."""
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
         return np.nan_to_num(moved.range_m - self.expected.range_m), gain

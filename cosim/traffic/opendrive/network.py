@@ -6,6 +6,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -190,7 +191,7 @@ class RoadNetwork:
 
     def locate(self, x_m: float, y_m: float) -> RoadLocation | None:
         """The location on the nearest road, facing in the direction of its lane; None beyond the ends of all roads."""
-        names, samples, tree = self._samples()
+        names, samples, tree = self._samples
         if not names:
             return None
         row = int(tree.query([x_m, y_m])[1])
@@ -208,6 +209,7 @@ class RoadNetwork:
             return None
         return self.adjacent_location(road.id, min(max(s_m, 0.0), road.length_m), t_m)
 
+    @cached_property
     def _samples(self) -> tuple[list[str], np.ndarray, KDTree]:
         from scipy.spatial import KDTree
 
