@@ -9,7 +9,7 @@ from cosim.driver_discrepancy.values import RESTS_MPS, Values, inside_entries, s
 
 _LONGEST_GAP_S = 10.0
 _WAITS_M = 15.0  # before a junction, from which a vehicle looks for a gap
-_NEAR_M = 30.0  # before a junction, where a vehicle without priority may have to stand
+_NEAR_M = 30.0  # before a junction, where a vehicle without priority may have to stop
 
 
 def measure_junctions(placed: Placed, red: np.ndarray, planned: frozenset[tuple[str, str]]) -> dict[str, Values]:

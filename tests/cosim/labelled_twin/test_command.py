@@ -50,7 +50,7 @@ def test_the_result_is_a_measured_drive_with_a_twin(made: Path, kitti_root: Path
 
 
 def as_raw_drive(source: Drive, day: Path) -> Path:
-    """One frame in the layout of KITTI's raw drives, with labels beside it."""
+    """One frame in the layout of KITTI's raw drives, with labels."""
     frame, calibration = source[source.frames[0]], source[source.frames[0]].calibration
     root, name = day / f"{day.name}_drive_0009_sync", "0000000007"
     for part, folder in (("velodyne", "velodyne_points/data"), ("label_2", "label_2")):

@@ -226,7 +226,7 @@ def on_a_mast(points: np.ndarray) -> np.ndarray:
     ],
     ids=["far", "steps in feet", "mast", "steps on a mast", "car"],
 )
-def test_a_second_clue_tells_feet_from_metres(change, unit_m, says, tmp_path):
+def test_a_second_clue_distinguishes_feet_and_metres(change, unit_m, says, tmp_path):
     found = recording(tmp_path, change)
     assert found.schema.metres == unit_m
     assert any(re.search(says, note) for note in found.notes) if says else not any("feet" in n for n in found.notes)

@@ -169,7 +169,7 @@ def test_relative_positions_refer_to_the_one_before(street):
 
 
 @pytest.mark.parametrize(("kind", "value"), [("delta", 2.0), ("factor", 1.5)])
-def test_a_speed_relative_to_a_constant_one_is_known(kind, value, street):
+def test_a_speed_relative_to_a_constant_one_is_computed(kind, value, street):
     init = {
         "ego": teleport(on_lane(-1, 5)) + RELATIVE_SPEED.format(entity="lead", value=value, kind=kind),
         "lead": teleport(on_lane(-2, 20)) + speed(4.0),
