@@ -83,6 +83,19 @@ class Shot:
         return self._cache[name]
 
     @property
+    def is_part(self) -> bool:
+        """Whether these beams are only some of a traced revolution."""
+        return self.whole is not None and self.rows is not None
+
+    def by_frame(self, compute: Callable[[Shot], _T]) -> list[_T]:
+        """Results of a function of the beams of one frame, for each frame; ordinary shots are of one."""
+        return [compute(self)]
+
+    def joined(self, aside: list[Hits]) -> Hits:
+        """Join the hits of additional rays of each frame, as `by_frame` returns them."""
+        return aside[0]
+
+    @property
     def hits(self) -> Hits:
         """Surfaces that the beams hit."""
         return self._traced.hits

@@ -18,7 +18,7 @@ from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.scores import Ensemble, FrameScores, Totals, model_chance, scored
+from cosim.discrepancy.scores import Adjustment, Ensemble, FrameScores, Totals, model_chance, scored
 from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
@@ -280,8 +280,8 @@ class _Scan:
 
     def scores(self, removed: Removed) -> FrameScores:
         """Scores with the random effects of some sources removed."""
-        shift, gain = self.whole.shifts(removed.parts) if removed.parts else (0.0, 1.0)
-        return scored(self.frame, self.members, shift, gain, self.wide if removed.uncertain_edges else None)
+        adjustment = self.whole.adjustment(self.whole.moved(removed.parts)) if removed.parts else None
+        return scored(self.frame, self.members, adjustment, self.wide if removed.uncertain_edges else None)
 
     def expected(self, removed: Removed) -> Expectation:
         """Expectation of the beams, adjusted by the random effects of some sources."""
@@ -289,11 +289,11 @@ class _Scan:
         if not removed.parts:
             return expectation
         moved = self.whole.moved(removed.parts)
-        shift, gain = self.whole.shifts_of(moved)
+        adjustment = self.whole.adjustment(moved)
         return replace(
             expectation,
-            range_m=expectation.range_m + shift,
-            intensity=expectation.intensity * gain,
+            range_m=expectation.range_m + adjustment.shift_m,
+            intensity=expectation.intensity * adjustment.gain,
             seen=moved.seen,
             silent=moved.silent,
         )
@@ -331,15 +331,12 @@ class _Whole:
         u = np.where(self.random.of_part(parts), self.estimate.u, 0.0)
         return self.random.adjusted(self.expected, Estimate(u, self.estimate.variance))
 
-    def shifts(self, parts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Effect of the random effects of some sources: (n,) shift of ranges [m] and factor on intensities."""
-        return self.shifts_of(self.moved(parts))
-
-    def shifts_of(self, moved: Prediction) -> tuple[np.ndarray, np.ndarray]:
-        """The same of a prediction with the random effects applied."""
+    def adjustment(self, moved: Prediction) -> Adjustment:
+        """Changes of the prediction by random effects: to `moved`, see the method of this name."""
         with np.errstate(divide="ignore", invalid="ignore"):
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
-        return np.nan_to_num(moved.range_m - self.expected.range_m), gain
+        shift_m = np.nan_to_num(moved.range_m - self.expected.range_m)
+        return Adjustment(shift_m, gain, moved.silent - self.expected.silent)
 
 
 @dataclass(frozen=True, eq=False)

@@ -158,6 +158,21 @@ class Totals:
         return float(np.mean([parts[name] / SCALES[name] for name in parts])) if parts else float("nan")
 
 
+@dataclass(frozen=True)
+class Adjustment:
+    """Changes of the prediction of n beams by known random effects.
+
+    Attributes:
+        shift_m: (n,) shift of ranges [m].
+        gain: (n,) factor on intensities.
+        silent: (n,) change of the probability of no return: darker surfaces are lost more often.
+    """
+
+    shift_m: np.ndarray | float = 0.0
+    gain: np.ndarray | float = 1.0
+    silent: np.ndarray | float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Ensemble:
     """Ensemble prediction of one frame.
@@ -204,8 +219,7 @@ def score_frame(frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Ge
 def scored(
     frame: TracedFrame,
     ensemble: Ensemble,
-    shift_m: np.ndarray | float = 0.0,
-    gain: np.ndarray | float = 1.0,
+    adjustment: Adjustment | None = None,
     wide: np.ndarray | None = None,
 ) -> FrameScores:
     """Score an ensemble.
@@ -213,15 +227,16 @@ def scored(
     Args:
         frame: traced frame.
         ensemble: ensemble prediction of a model.
-        shift_m, gain: (n,) shift of ranges [m] and factor on intensities by known random effects.
+        adjustment: by known random effects; default: none.
         wide: (n,) bool ambiguous beams, replaces `frame.edge`.
     """
-    ranges, intensities = ensemble.moved(shift_m, gain)
+    by = Adjustment() if adjustment is None else adjustment
+    ranges, intensities = ensemble.moved(by.shift_m, by.gain)
     members = len(ranges)
     measured = frame.observed.range_from(frame.shot.rays.origin)
     returned = frame.observed.returned
     # Spurious returns are defined in the same way for model and measurement: far from all surfaces of the beam.
-    surfaces = _surfaces(frame) + shift_m
+    surfaces = _surfaces(frame) + by.shift_m
     is_stray = ~np.isnan(ranges) & ~_near(ranges, surfaces)
     spurious = returned & ~_near(measured[None], surfaces)[0]
     ambiguous = (frame.edge if wide is None else wide) | ~frame.observed.trusted
@@ -231,7 +246,7 @@ def scored(
     matched = returned & ~spurious & ~ambiguous & has_return.any(0)
     reported_share = (~np.isnan(ranges)).mean(0)
     outcome = returned.astype(float)
-    brier = (reported_share - outcome) ** 2
+    brier = (np.clip(reported_share - by.silent, 0, 1) - outcome) ** 2
     if members > 1:
         brier -= reported_share * (1 - reported_share) / (members - 1)
     with np.errstate(invalid="ignore"):

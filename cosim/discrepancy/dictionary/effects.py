@@ -10,7 +10,8 @@ import numpy as np
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.dictionary.groups import Group, Tangent
 from cosim.discrepancy.dictionary.linearisation import Linearisation
-from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, change
+from cosim.discrepancy.inference.derivatives import difference_quotients
+from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix
 from cosim.discrepancy.sampling.sample import Prediction
 from sensors.effects.base import Effect
 
@@ -84,19 +85,23 @@ def _other_values(linearisation: Linearisation, index: int) -> Iterator[Group]:
 def _tangents(linearisation: Linearisation, effects: tuple[Effect, ...], tangent: Tangent) -> Iterator[Group]:
     """Yield the group of a weak form if it changes any measured quantity."""
     sample, fitted, weak = linearisation.sample, linearisation.fitted, tangent.effect
-    after = sample.predict(effects)
     if type(weak).density is not Effect.density or not tangent.amplitude:
-        yield from _direct(linearisation, after, tangent)
+        yield from _direct(linearisation, sample.predict(effects), tangent)
         return
     jacobian = linearisation.fitter.random.prediction_jacobian(fitted.prediction, fitted.estimate)
+    free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == tangent.amplitude)
+    index = len(effects) - 1 if tangent.index is None else tangent.index
+    neutral = with_values(weak, {tangent.amplitude: np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step})
+    without = (*effects[:index], neutral, *effects[index + 1 :])
     delta: dict[Quantity, np.ndarray] = {
-        name: values / tangent.step * jacobian.get(name, 1.0)
-        for name, values in change(fitted.bare, after, sample.settings.likelihood).items()
+        name: values * jacobian.get(name, 1.0)
+        for name, values in difference_quotients(sample, without, index, free, tangent.step, fitted.bare).items()
         if name in linearisation.evidence.score
     }
+    if weak.channel == "drop" and "drop" in delta:
+        delta["drop"] = np.where(linearisation.channels["drop"].slope > 0, delta["drop"], 0.0)
     if not delta:
         return
-    free = next(unknown for unknown in unknowns(type(weak)) if unknown.name == tangent.amplitude)
     column = Column(delta, sample.ring if free.rings > 1 else None, free.rings)
     at_bound = tangent.index is None and free.rings == 1 and (weak.neutral or {})[tangent.amplitude] <= free.low
     columns: dict[Quantity, SparseMatrix] = {name: column.matrix(name, len(sample)) for name in delta}

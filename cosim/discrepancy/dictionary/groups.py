@@ -100,6 +100,11 @@ class Group:
         return self.covariate is not None and self.covariate.is_of_neighbour
 
     @property
+    def turns_beams(self) -> bool:
+        """Whether it changes the directions of beams."""
+        return self.channel in ANGLES or (self.tangent is not None and self.tangent.effect.stage == "beam")
+
+    @property
     def effect_name(self) -> str:
         """Name of the effect; empty for dependences."""
         return self.tangent.effect.name if self.tangent else ""

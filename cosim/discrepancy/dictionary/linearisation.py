@@ -99,11 +99,9 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     wider = dispersion(sample, residuals)
     evidence_of_sample = Evidence.of(sample, residuals, wider=wider)
     score, information = dict(evidence_of_sample.score), dict(evidence_of_sample.information)
-    # Losses at edges are confounded with the position of the edge next to the sky, and where the signal decides: it
-    # depends on the share of the footprint that the surface fills.
-    confounded = sample.beside_sky | (sample.edge & (adjusted.log_odds_by_reflectance() != 0))
-    score["drop"] = np.where(confounded, 0.0, score["drop"])
-    information["drop"] = np.where(confounded, 0.0, information["drop"])
+    # Losses next to the sky are confounded with the position of the edge.
+    score["drop"] = np.where(sample.beside_sky, 0.0, score["drop"])
+    information["drop"] = np.where(sample.beside_sky, 0.0, information["drop"])
     if sample.has_intensity:
         _score_intensity_variance(sample, residuals, adjusted, score, information)
     bent = any(dependence.channel in ANGLES for dependence in fitted.dependences)
@@ -113,12 +111,21 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, adjusted), mixed)
 
 
+def seen_derivative(sample: Sample, adjusted: Prediction) -> np.ndarray:
+    """Derivative (n,) of the probability of a return with respect to its logarithm, for errors of returns.
+
+    0 at edges where the signal decides: the probability depends on the share of the footprint that the surface fills,
+    so that a loss says where the edge is and not that returns are lost.
+    """
+    return np.where(sample.edge & (adjusted.log_odds_by_reflectance() != 0), 0.0, adjusted.seen)
+
+
 def _channels(sample: Sample, adjusted: Prediction) -> dict[str, LinearisedChannel]:
     ones, angles = np.ones(len(sample)), angle_derivatives(sample)
     channels = [
         LinearisedChannel("range", "range", ones),
         *(LinearisedChannel(name, "range", angles[name]) for name in ANGLES),
-        LinearisedChannel("drop", "drop", adjusted.seen),
+        LinearisedChannel("drop", "drop", seen_derivative(sample, adjusted)),
         LinearisedChannel("range_variance", "range_variance", ones),
         *(LinearisedChannel(name, name, ones, one_sided=True) for name in SPURIOUS),
     ]

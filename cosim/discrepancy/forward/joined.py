@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from sensors.rays import Rays
 from sensors.returns import Returns
 from sensors.shot import Shot
 from sensors.world import Traced
+
+_T = TypeVar("_T")
 
 
 class NeedsOneFrameError(Exception):
@@ -100,6 +102,13 @@ class _Together(Replayed):
         self.egos = [frame.egos[0] for frame in frames]
         self.poses = [frame.poses[0] for frame in frames]
 
+    def shot(self, effects: Sequence[Effect]) -> Shot:
+        """Return the hits of the beams as deflected by the beam effects among `effects`."""
+        shot = super().shot(effects)
+        assert isinstance(shot, _JoinedShot)
+        shot.effects = tuple(effects)
+        return shot
+
     def _nominal_shot(self) -> Shot:
         return _JoinedShot(self._frames, self.nominal, self.measured)
 
@@ -121,7 +130,12 @@ class _JoinedShot(Shot):
     """Beams of several frames as one shot, in world axes.
 
     Attributes that belong to one frame (world, camera, time, revolution) raise `NeedsOneFrameError`.
+
+    Attributes:
+        effects: effects that deflect the beams.
     """
+
+    effects: tuple[Effect, ...] = ()
 
     def __init__(
         self,
@@ -132,6 +146,23 @@ class _JoinedShot(Shot):
     ) -> None:
         self.pattern, self.rays, self.traced, self.measured = frames[0].pattern, rays, traced, measured
         self._kept, self._cache, self._frames = {}, {}, frames
+
+    @property
+    def is_part(self) -> bool:
+        """Whether these beams are only some of traced revolutions: always."""
+        return True
+
+    def by_frame(self, compute: Callable[[Shot], _T]) -> list[_T]:
+        """Results of a function of the beams of one frame, for each frame."""
+        return [compute(frame.shot(self.effects)) for frame in self._frames]
+
+    def joined(self, aside: list[Hits]) -> Hits:
+        """Join the hits of additional rays of each frame, as `by_frame` returns them."""
+        here, first = self.hits, np.cumsum([0, *(len(hits.paint) for hits in aside[:-1])])
+        solid = _surfaces([hits.solid for hits in aside], first)
+        return Hits(
+            here.rays, here.pose, solid, here.pane_beam[:0], here.pane.take(here.pane_beam[:0]), here.paint, here.table
+        )
 
     def named(self, what: str, returns: Returns) -> np.ndarray:
         """Names of the instances that gave the returns, see `Shot.named`."""

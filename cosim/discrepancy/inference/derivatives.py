@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.discrepancy.candidates import with_values
+from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.parameters import Free, has_moved
 from cosim.discrepancy.inference.score import Column, Quantity, change
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import Effect
 
 _CACHED_MODELS = 4  # number of models whose derivatives are cached
 
@@ -42,19 +42,53 @@ class Derivatives:
         effect, unknown = effects[parameter.effect], parameter.unknown
         value = np.asarray(getattr(effect, unknown.name), float)
         step = unknown.step if np.all(value + unknown.step <= unknown.high) else -unknown.step
-        after, before = self._predict_changed(effects, parameter, value + step), at
-        if isinstance(effect, BeamEffect) and np.all(np.clip(value - step, unknown.low, unknown.high) == value - step):
-            # Ranges of ground at grazing incidence are nonlinear in beam angles: use central differences.
-            before, step = self._predict_changed(effects, parameter, value - step), 2 * step
-        delta: dict[Quantity, np.ndarray] = {
-            name: values / step for name, values in change(before, after, self._sample.settings.likelihood).items()
-        }
+        delta = difference_quotients(self._sample, effects, parameter.effect, unknown, step, at)
         return Column(delta, self._sample.ring if unknown.rings > 1 else None, unknown.rings)
 
-    def _predict_changed(self, effects: tuple[Effect, ...], parameter: Free, value: np.ndarray) -> Prediction:
-        """Predict with another value of one parameter."""
-        moved = with_values(effects[parameter.effect], {parameter.unknown.name: value})
-        return self._sample.predict((*effects[: parameter.effect], moved, *effects[parameter.effect + 1 :]))
+
+def difference_quotients(
+    sample: Sample, effects: tuple[Effect, ...], index: int, unknown: Unknown, step: float, at: Prediction
+) -> dict[Quantity, np.ndarray]:
+    """Derivatives (n,) of the effects' prediction with respect to one parameter, by quantity.
+
+    Central differences if ranges change, otherwise one-sided ones. Ranges are nonlinear in beam angles where the
+    incidence is grazing: their derivative is the harmonic mean of the two one-sided differences, which is exact for a
+    plane (R = c/ε at a small angle ε to it), and 0 where they differ in sign (van Leer, J. Comput. Phys. 14, 1974).
+
+    Args:
+        sample: sample of measured beams.
+        effects: effects of the model.
+        index: of the effect in `effects`.
+        unknown: its parameter.
+        step: change of the parameter.
+        at: prediction with `effects`.
+    """
+    constants, effect = sample.settings.likelihood, effects[index]
+    value = np.asarray(getattr(effect, unknown.name), float)
+
+    def predict(value: np.ndarray) -> Prediction:
+        moved = with_values(effect, {unknown.name: value})
+        return sample.predict((*effects[:index], moved, *effects[index + 1 :]))
+
+    def difference(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
+        return {name: values / step for name, values in change(before, after, constants).items()}
+
+    right = difference(at, predict(value + step))
+    if "range" not in right or np.any(np.clip(value - step, unknown.low, unknown.high) != value - step):
+        return right
+    left = difference(predict(value - step), at)
+    zeros = np.zeros(len(sample))
+    slopes: dict[Quantity, np.ndarray] = {}
+    for name in dict.fromkeys((*left, *right)):
+        one, other = left.get(name, zeros), right.get(name, zeros)
+        slopes[name] = _harmonic_mean(one, other) if name == "range" else (one + other) / 2
+    return slopes
+
+
+def _harmonic_mean(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Harmonic mean; 0 where the signs differ."""
+    same = one * other > 0
+    return np.where(same, 2 * one * other / np.where(same, one + other, 1.0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

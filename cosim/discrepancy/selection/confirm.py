@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cosim.discrepancy.candidates import amplitudes, switches
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.linear_model import LinearModel
@@ -40,13 +41,13 @@ def p_about_fit(
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     fitted, columns = model.fitted, linearisation.fitted.columns
-    at, size = _index(model, group)
-    if at is None:
+    rows, size = _parameters(model, group)
+    if not rows:
         return 1.0
-    others = tuple(column for row, column in enumerate(columns) if row != at)
+    others = tuple(column for row, column in enumerate(columns) if row not in rows)
     evidence = linearisation.evidence
     mixed = LinearModel.of(model.fitter.random, others, evidence, fitted.prediction, fitted.estimate)
-    own = stacked([columns[at]], evidence.score, len(linearisation.sample))
+    own = stacked([columns[row] for row in rows], evidence.score, len(linearisation.sample))
     found = replace(linearisation, mixed=mixed).projector(settings.sectors).project(own)
     precision = np.linalg.pinv(ridged(found.information, 1e-2), hermitian=True)
     observed, worst = 2 * gain, 0.0
@@ -76,16 +77,18 @@ def _about_others(table: np.ndarray, information: np.ndarray, pull: np.ndarray) 
     return table + leverage * (pull - without)
 
 
-def _index(model: FittedModel, group: Group) -> tuple[int | None, np.ndarray]:
-    """Row of the term among the columns of the fit, and its distance from doing nothing (k,)."""
+def _parameters(model: FittedModel, group: Group) -> tuple[list[int], np.ndarray]:
+    """Rows of the term among the columns of the fit, and the distance (k,) of its parameters from doing nothing."""
     fitted = model.fitted
     if not group.is_effect:
-        return len(fitted.columns) - 1, fitted.dependences[-1].coefficients
-    tangent = group.tangent
-    assert tangent is not None  # of an effect
+        return [len(fitted.columns) - 1], fitted.dependences[-1].coefficients
+    kind = type(next(effect for effect in fitted.effects if effect.name == group.effect_name))
+    names = amplitudes(kind) or switches(kind)
+    rows, size = [], [np.zeros(0)]
     for row, free in enumerate(fitted.free):
         effect = fitted.effects[free.effect]
-        if effect.name == tangent.effect.name and free.unknown.name == tangent.amplitude:
-            neutral = np.asarray(getattr(tangent.effect, tangent.amplitude), float) - tangent.step
-            return row, np.atleast_1d(np.asarray(getattr(effect, tangent.amplitude), float) - neutral)
-    return None, np.zeros(0)
+        if effect.name == group.effect_name and free.unknown.name in names:
+            value = np.asarray(getattr(effect, free.unknown.name), float)
+            rows.append(row)
+            size.append(np.atleast_1d(value - np.asarray((kind.neutral or {})[free.unknown.name], float)))
+    return rows, np.concatenate(size)

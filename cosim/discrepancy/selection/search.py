@@ -26,7 +26,7 @@ from sensors.effects.base import Effect
 _LOG = logging.getLogger(__name__)
 _ROUGH_STEPS, _STEPS = 4, 10
 _SAME_HZ = 1.0
-_LEAST_Z = 3.0  # standardised score of a dependence that turns beams above which it is refitted
+_LEAST_Z = 3.0  # standardised score of a hypothesis that turns beams above which it is refitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,28 +349,36 @@ def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[Grou
         return []
     by, best = settings.selection, candidates[0]  # the best mean, where a spread gains more
     picked = [result for result in candidates if result.gain >= by.rival_share * best.gain]
-    named = [
-        result
-        for result in candidates
-        if result.group.is_effect and result.group.size <= 2 and result.gain >= 0.3 * best.gain
-    ]
+    named = [result for result in candidates if _is_simple_effect(result.group) and result.gain >= 0.3 * best.gain]
     shortlist = _each_kind_once(picked)[: by.rivals + 1]
     return _each_kind_once([*shortlist, *named[:3]])
 
 
 def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
-    """Dependences that turn beams, whatever their linear gain: they are far from linear.
+    """Hypotheses that turn beams, whatever their linear gain: they are far from linear.
 
     Beams that are turned far from where they were predicted look like returns of no surface.
     """
     if best.group.order or best.group.channel in SPREADS or best.group.family == "intensity":
         return []
-    systematic = [other for other in results if other.group.order == 0 and other.entry.z > _LEAST_Z]
-    turned = [
-        result for channel in ANGLES for result in [other for other in systematic if other.group.channel == channel][:3]
+    turning = [
+        other
+        for other in _each_kind_once(results)
+        if other.group.turns_beams
+        and (other.group.channel in ANGLES or _is_simple_effect(other.group))
+        and other.group.order == 0
+        and other.entry.z > _LEAST_Z
     ]
+    first: dict[str, list[GroupTest]] = {}
+    for result in turning:
+        first.setdefault("" if result.group.is_effect else result.group.channel, []).append(result)
     seen = {_kind(result.group) for result in shortlist}
-    return [result for result in _each_kind_once(turned) if _kind(result.group) not in seen]
+    return [result for those in first.values() for result in those[:3] if _kind(result.group) not in seen]
+
+
+def _is_simple_effect(group: Group) -> bool:
+    """Whether it is an effect of one or two parameters; a calibration by laser is not."""
+    return group.is_effect and group.size <= 2
 
 
 def _each_kind_once(results: Sequence[GroupTest]) -> list[GroupTest]:

@@ -81,12 +81,16 @@ class BeamDivergence(EchoEffect):
         return CHANCE * self._parts(shot)[1] if self._is_replayed(shot) else 0.0
 
     def _is_replayed(self, shot: Shot) -> bool:
-        return self.divergence_mrad > 0 and shot.whole is not None and shot.rows is not None
+        return self.divergence_mrad > 0 and shot.is_part
 
     def _aside(self, shot: Shot) -> Hits:
         """Surfaces in the footprints of some beams of a revolution."""
         radius_rad = self.divergence_mrad / 2000
-        return shot.kept(f"footprint {radius_rad}", lambda: footprints_of_some(shot, radius_rad))
+
+        def trace() -> Hits:
+            return shot.joined(shot.by_frame(lambda part: footprints_of_some(part, radius_rad)))
+
+        return shot.kept(f"footprint {radius_rad}", trace)
 
     def _parts(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         """Ranges (n, k) of parts of footprints, and which footprints (n,) bool are split.
@@ -97,7 +101,7 @@ class BeamDivergence(EchoEffect):
 
     def _parts_anew(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
         sampled = sampled_ranges(shot.hits, self._aside(shot))
-        between = ranges_between(shot, self.divergence_mrad / 2000)
+        between = np.concatenate(shot.by_frame(lambda part: ranges_between(part, self.divergence_mrad / 2000)))
         split = is_split(sampled, self._pulse_m)
         between[split] = np.inf
         parts = np.hstack([sampled, between])

@@ -50,6 +50,15 @@ def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) ->
     np.testing.assert_allclose(*slopes, rtol=1e-3, atol=1e-3)
 
 
+def test_footprints_of_all_frames_are_evaluated_at_once(replay: SampleReplay) -> None:
+    types = effect_classes()
+    effects = types["elevation_offset"](offset_deg=0.3), types["beam_divergence"](divergence_mrad=3.0, pulse_ns=6.0)
+    found, expected = replay._together.expect(effects), one_by_one(replay, effects)
+    np.testing.assert_array_equal(found.of.range_m, expected.of.range_m)
+    np.testing.assert_array_equal(found.of.elsewhere, expected.of.elsewhere)
+    assert found.of.elsewhere.any()
+
+
 def test_what_was_was_left_is_returned_to(replay: SampleReplay) -> None:
     types = effect_classes()
     turned = types["elevation_offset"](offset_deg=0.3)

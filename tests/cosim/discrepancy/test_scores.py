@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from cosim.discrepancy.scores import Ensemble, _crps, model_chance
+from cosim.discrepancy.scores import Adjustment, Ensemble, _crps, model_chance, scored
+from sensors.effects.detection.random_dropout import RandomDropout
 from sensors.effects.points.intensity_quantization import IntensityQuantization
 from sensors.effects.points.range_quantization import RangeQuantization
+from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 MEMBERS, ROWS = 4, 200_000
 
@@ -60,3 +64,17 @@ def test_values_are_rounded_where_surfaces_really_are() -> None:
     ranges, intensities = report.moved(np.array([0.04, -0.04, 0.0]), np.array([0.9, 1.2, 1.0]))
     np.testing.assert_allclose(ranges, [[1.1, 2.0, np.nan]])
     np.testing.assert_allclose(intensities, [[0.45, 1.0, np.nan]])
+
+
+def test_known_random_effects_change_the_probability_of_a_loss(tmp_path: Path) -> None:
+    """A surface that is darker than the twin says is lost more often: the forecast that knows it scores better."""
+    frame = fit_yard(make_yard(tmp_path, (RandomDropout(probability=0.1),), frames=1)).frames[0]
+    beams = len(frame.shot.rays)
+    certain = Ensemble(np.repeat(frame.observed.range_from(frame.shot.rays.origin)[None], 2, 0), np.ones((2, beams)))
+    lost = np.isnan(certain.range_m[0])
+    returned = Ensemble(np.where(lost, frame.shot.hits.solid.range_m, certain.range_m), certain.intensity)
+    plain, adjusted = (scored(frame, returned, Adjustment(silent=change)) for change in (0.0, lost.astype(float)))
+    used = ~np.isnan(plain.brier) & lost & frame.shot.hits.solid.exists
+    assert used.any()
+    np.testing.assert_allclose(plain.brier[used], 1.0)
+    np.testing.assert_allclose(adjusted.brier[used], 0.0)
