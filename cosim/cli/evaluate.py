@@ -137,10 +137,7 @@ def _print_table(evaluation: Evaluation) -> None:
     table = Table("class", "metric", "R40 easy", "moderate", "hard", "R11 easy", "moderate", "hard", box=None)
     for name, metrics in evaluation.results.items():
         for metric, levels in metrics.items():
-            cells = [f"{value:.2f}" for value in (*(r.r40 for r in levels), *(r.r11 for r in levels))]
-            table.add_row(name, metric, *cells)
+            table.add_row(name, metric, *(r.text(kind) for kind in ("r40", "r11") for r in levels))
         if "2d" in metrics and evaluation.oriented:
-            levels = metrics["2d"]
-            cells = [f"{value:.2f}" for value in (*(r.aos40 for r in levels), *(r.aos11 for r in levels))]
-            table.add_row(name, "aos", *cells)
+            table.add_row(name, "aos", *(r.text(kind) for kind in ("aos40", "aos11") for r in metrics["2d"]))
     Console(width=100).print(table if evaluation.results else "no detection of Car, Pedestrian or Cyclist")

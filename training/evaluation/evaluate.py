@@ -66,6 +66,10 @@ class Result:
     hit_frames: np.ndarray
     task: Task
 
+    def text(self, average: str) -> str:
+        """One of the averages, such as `r40`, in percent; a dash if there was no object to find."""
+        return f"{getattr(self, average):.2f}" if self.task.object_counts.sum() else "–"
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:

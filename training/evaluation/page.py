@@ -104,13 +104,13 @@ def _table(evaluation: Evaluation, name: str, intervals: Intervals) -> str:
                 fill("<tr><th>{}</th><td class=words colspan=9>not scored: no such boxes</td></tr>", _TITLES[metric])
             )
             continue
-        values = [[f"{getattr(r, kind):.2f}" for r in levels] for kind in ("r40", "r11", "continuous")]
+        values = [[r.text(kind) for r in levels] for kind in ("r40", "r11", "continuous")]
         bounds = intervals.get((name, metric), [])
         for level, (low, high) in enumerate(bounds):
             values[0][level] += fill("<small>{:.1f} – {:.1f}</small>", low, high)
         rows.append(_row(_TITLES[metric], [word for parts in values for word in parts]))
     if "2d" in metrics and evaluation.oriented:
-        aos = [[f"{getattr(r, kind):.2f}" for r in metrics["2d"]] for kind in ("aos40", "aos11")]
+        aos = [[r.text(kind) for r in metrics["2d"]] for kind in ("aos40", "aos11")]
         rows.append(_row(_TITLES["aos"], [*aos[0], *aos[1], "", "", ""]))
     heads = Markup().join(fill("<th>{}</th>", level) for _ in range(3) for level in DIFFICULTIES)
     fewest_objects = min((int(r.task.object_counts.sum()) for levels in metrics.values() for r in levels), default=0)

@@ -205,3 +205,9 @@ def test_whole_truncations_of_objects_at_an_edge_of_the_image_count(edges):
     evaluation = evaluate(pair_frames([labels] * _MANY, [perfect(labels)] * _MANY))
     assert evaluation.results["Car"]["3d"][2].task.object_counts.sum() == 2 * _MANY
     assert not evaluation.notes
+
+
+def test_without_objects_there_is_no_average_precision():
+    result = scored([Labels.empty()] * 3, [sure(cars())] * 3)["3d"][1]
+    assert [result.text(kind) for kind in ("r40", "r11", "continuous")] == ["–"] * 3
+    assert scored([cars()] * _MANY, [perfect(cars())] * _MANY)["3d"][1].text("r40") == "100.00"
