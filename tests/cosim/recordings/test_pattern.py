@@ -65,6 +65,15 @@ def test_two_decimals_and_stray_points_change_no_count(name: str, order: str) ->
     assert off.mean() < 0.02
 
 
+@pytest.mark.parametrize("name", ["vlp16", pytest.param("hdl64e_kitti", marks=pytest.mark.slow)])
+def test_two_decimals_do_not_blur_the_azimuth_step(name: str, tmp_path: Path) -> None:
+    pattern = load_pattern(name)
+    rounded = [Scan(scan.name, np.round(scan.xyz, 2)) for scan in scans(pattern, "shuffled")]
+    result = estimate_pattern_of(written(tmp_path / "scans", rounded), tmp_path)
+    assert result["lasers"] == pattern.rings
+    assert result["firings"] == pattern.firings and result["firings_fixed"]
+
+
 @pytest.mark.parametrize("order", ["rings", "firings", "shuffled"])
 def test_the_order_of_points_changes_no_elevation_and_gives_the_azimuth_offsets(order: str, tmp_path: Path) -> None:
     pattern = load_pattern("hdl64e_kitti")
