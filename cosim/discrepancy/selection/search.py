@@ -141,8 +141,54 @@ def select_terms(
             model = retrace(model)
         if model.fitted.effects != before.fitted.effects:
             effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
+            model = replace_dependences(model, effects, initial, settings, seed, rejected, on_progress)
         evidence = gather_evidence(model, effects, settings, seed)
     return model, replace(evidence, rejected=frozenset(rejected))
+
+
+def replace_dependences(
+    model: FittedModel,
+    effects: Sequence[Group],
+    initial: Sequence[Effect],
+    settings: Settings,
+    seed: int,
+    rejected: Collection[str],
+    on_progress: Callable[[str], None] = lambda _: None,
+) -> FittedModel:
+    """Replace dependences of the latest term's family by what fits as well now (sequential replacement).
+
+    Bins that were selected first follow the sum of several effects; once one of these is among the terms, another
+    effect may explain the rest (Miller, Subset Selection in Regression, 2002, § 3.6).
+
+    Args:
+        model: fitted, with its terms.
+        effects: tangents of the catalogue's effects about it.
+        initial: effects of the sensor as it was given.
+        settings: numeric choices.
+        seed: of signs and folds.
+        rejected: names of groups that are not tried again.
+        on_progress: called with a message for each replacement.
+    """
+    family = model.terms[-1].group.family
+    for term in model.terms[:-1]:
+        group = term.group
+        if group.is_effect or group.is_shared or group.family != family or group.channel in SPREADS:
+            continue
+        less = refit_without(model, term, initial, _STEPS)
+        evidence = gather_evidence(less, effects, settings, seed)
+        candidates = [
+            result
+            for result in evidence.candidates(settings)
+            if result.group.name not in rejected
+            and result.group.family == family
+            and result.group.order == 0
+            and not is_explained(result.group, less)
+        ]
+        chosen = _choose(less, evidence, candidates, rejected, settings) if candidates else frozenset[str]()
+        if not isinstance(chosen, frozenset) and chosen[1].group.hypothesis != group.hypothesis:
+            model = chosen[0]
+            on_progress(f"replaced {group.name} by {chosen[1].group.name}")
+    return model
 
 
 def drop_superfluous(
