@@ -138,8 +138,9 @@ class Site:
         threads: int,
     ) -> Site:
         scene = Scene(mesh, models.load, threads, models=models.traced)
-        shadows = SunShadows(mesh, Light(), scene.static)
-        return cls(land, world, mesh, scene, Ground(ground), cut_world(mesh), shadows, signals)
+        tiles = cut_world(mesh)
+        shadows = SunShadows(mesh, Light(), scene.static, tiles.vertex_normals)
+        return cls(land, world, mesh, scene, Ground(ground), tiles, shadows, signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Load this site and a light into a renderer."""

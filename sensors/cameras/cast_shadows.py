@@ -61,13 +61,14 @@ class CastShadows:
         if self._sun[2] < _LOWEST_SUN or images.rgba is None or not len(instances):
             return images
         owner, (top, left) = self._fallen(images.rgba.shape[:2], pose, P, instances)
-        window = np.s_[top : top + owner.shape[0], left : left + owner.shape[1]]
-        may = (owner > 0) & self._is_ground[images.rgba[window][..., 3]] & (images.instance[window] == 0)
-        rows, columns = np.nonzero(may)
-        stands = instances.poses[owner[rows, columns] - 1]
+        rows, columns = np.nonzero(owner)
+        caster = owner[rows, columns] - 1
         rows, columns = rows + top, columns + left
+        is_ground = self._is_ground[images.rgba[rows, columns, 3]] & (images.instance[rows, columns] == 0)
+        rows, columns, caster = rows[is_ground], columns[is_ground], caster[is_ground]
         points = _points(rows, columns, images.depth_at(rows, columns), pose, P)
-        above = np.einsum("ij,ij->i", points - stands[:, :3, 3], stands[:, :3, 2])
+        foot, normal = instances.poses[:, :3, 3], instances.poses[:, :3, 2]
+        above = np.einsum("ij,ij->i", points - foot[caster], normal[caster])
         on_plane = np.abs(above) < _OFF_PLANE_M
         rows, columns, points = rows[on_plane], columns[on_plane], points[on_plane]
         if not len(rows):
