@@ -85,6 +85,13 @@ class Mesh:
         unit = np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
         return np.ascontiguousarray(unit.T, np.float32)
 
+    @cached_property
+    def hull(self) -> np.ndarray:
+        """Corners of the convex hull, (k, 3) float32; the vertices must span a volume."""
+        from scipy.spatial import ConvexHull
+
+        return self.vertices[ConvexHull(self.vertices).vertices]
+
     def moved(self, offset: np.ndarray | tuple[float, float, float]) -> Mesh:
         """The mesh shifted by `offset` (3,) in metres."""
         return Mesh(self.vertices + np.asarray(offset, np.float32), self.faces, self.materials)

@@ -34,9 +34,7 @@ class SunShadows:
         normals: (n, 3) `vertex_normals` of the mesh where they are computed already.
     """
 
-    def __init__(
-        self, mesh: Mesh, light: Light, bvh: Bvh | None = None, normals: np.ndarray | None = None
-    ) -> None:
+    def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None, normals: np.ndarray | None = None) -> None:
         self._vertices = mesh.vertices
         self._normal = vertex_normals(mesh) if normals is None else normals
         self._sky = np.full(len(mesh.vertices), np.nan, np.float32)  # computed on demand

@@ -44,7 +44,6 @@ class CastShadows:
         self._sun = np.array(light.sun_direction)
         sun, sky = np.array(light.sun_rgb) * max(float(self._sun[2]), 0.0), np.array(light.sky_rgb)
         self._left = np.sqrt(sky / (sun + sky))  # images hold the square root of light
-        self._hulls: dict[str, np.ndarray] = {}
         self._outlines: dict[str, tuple[bytes, np.ndarray]] = {}
         self._is_ground = np.zeros(256, bool)
         self._is_ground[[material_index(name) + 1 for name in _GROUND]] = True
@@ -120,17 +119,11 @@ class CastShadows:
         """Corners (k, 3) of an instance's shadow on its ground plane."""
         stands = instances.poses[row]
         foot, normal = stands[:3, 3], stands[:3, 2]
-        corners = (self._hull(instances.models[row]) * instances.scales[row]) @ stands[:3, :3].T + foot
+        hull = self._load(instances.models[row]).hull.astype(np.float64)
+        corners = (hull * instances.scales[row]) @ stands[:3, :3].T + foot
         fallen = corners - np.outer((corners - foot) @ normal / (self._sun @ normal), self._sun)
         flat = (fallen - foot) @ stands[:3, :2]
         return fallen[ConvexHull(flat).vertices]
-
-    def _hull(self, name: str) -> np.ndarray:
-        """Corners of a model's convex hull, (k, 3) in its own axes."""
-        if name not in self._hulls:
-            vertices = self._load(name).vertices.astype(np.float64)
-            self._hulls[name] = vertices[ConvexHull(vertices).vertices]
-        return self._hulls[name]
 
 
 def _points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
