@@ -10,6 +10,8 @@ import numpy as np
 
 from assets.materials import MATERIALS, TABLE, MaterialTable
 
+_FACES_AT_ONCE = 1 << 14  # whose temporary arrays fit into a processor's cache
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -77,13 +79,22 @@ class Mesh:
     @cached_property
     def normals(self) -> np.ndarray:
         """Unit face normals, (m, 3) float32; zero for a degenerate face."""
-        corners = self.vertices.T.astype(np.float64)
-        a, b, c = (corners[:, column] for column in self.faces.T)
-        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-        cross = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
-        length = np.sqrt(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])
-        unit = np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
-        return np.ascontiguousarray(unit.T, np.float32)
+        normals = np.empty((len(self.faces), 3), np.float32)
+        for start in range(0, len(self.faces), _FACES_AT_ONCE):
+            block = slice(start, start + _FACES_AT_ONCE)
+            a, b, c = (self.vertices[corner].T.astype(np.float64) for corner in self.faces[block].T)
+            (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+            cross = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
+            length = np.sqrt(cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2])
+            normals[block] = np.divide(cross, length, out=np.zeros_like(cross), where=length > 0).T
+        return normals
+
+    @cached_property
+    def hull(self) -> np.ndarray:
+        """Corners of the convex hull, (k, 3) float32; the vertices must span a volume."""
+        from scipy.spatial import ConvexHull
+
+        return self.vertices[ConvexHull(self.vertices).vertices]
 
     def moved(self, offset: np.ndarray | tuple[float, float, float]) -> Mesh:
         """The mesh shifted by `offset` (3,) in metres."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -27,23 +27,31 @@ class Bvh:
         threads: threads that share a large query; Embree's loop releases Python's global lock.
         instance: what hits report: −1 the static world, 0 a model, whose row comes later.
         table: of the mesh's materials.
-
-    Attributes:
-        normal: (m, 3) float32 face normals in the mesh's axes.
-        is_glass: (m,) bool.
-        records: (m + 1,) int64, what `HitBuffer` keeps of each face; the last is that of a miss.
     """
 
     def __init__(self, mesh: Mesh, threads: int = 1, instance: int = STATIC, table: MaterialTable = TABLE) -> None:
-        self.normal = mesh.normals
-        self.is_glass = (table.column("kind") == "glass")[mesh.materials]
-        self.records = face_records(self.normal, mesh.materials, self.is_glass, instance)
+        self._mesh, self._instance, self._table = mesh, instance, table
         self._scene: EmbreeScene | None = None
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._parts = threads
         if len(mesh.faces):
             self._scene = EmbreeScene(_device(), robust=True)
             TriangleMesh(self._scene, mesh.vertices, mesh.faces)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """(m, 3) float32 face normals in the mesh's axes."""
+        return self._mesh.normals
+
+    @cached_property
+    def is_glass(self) -> np.ndarray:
+        """(m,) bool."""
+        return (self._table.column("kind") == "glass")[self._mesh.materials]
+
+    @cached_property
+    def records(self) -> np.ndarray:
+        """(m + 1,) int64, what `HitBuffer` keeps of each face; the last is that of a miss."""
+        return face_records(self.normal, self._mesh.materials, self.is_glass, self._instance)
 
     @property
     def is_empty(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,24 +68,33 @@ class TracedModel:
     """A model ready for tracing.
 
     Attributes:
-        whole: all its faces.
-        opaque: those that are not glass, for the beams that meet glass first.
-        vertices: (n, 3) float32 of its mesh.
-        bounds: (2, 3) float64 corners of its box.
+        mesh: its triangles.
+        table: of the mesh's materials.
     """
 
-    whole: Bvh
-    opaque: Bvh
-    vertices: np.ndarray
-    bounds: np.ndarray
+    mesh: Mesh
+    table: MaterialTable = TABLE
 
-    @classmethod
-    def of(cls, mesh: Mesh, table: MaterialTable = TABLE) -> TracedModel:
-        """Build both BVHs; `table` is that of the mesh's materials."""
-        opaque, glass = mesh.split_glass(table)
-        whole = Bvh(mesh, instance=0, table=table)
-        other = Bvh(opaque, instance=0, table=table) if len(glass.faces) else whole
-        return cls(whole, other, mesh.vertices, mesh.bounds.astype(np.float64))
+    @cached_property
+    def whole(self) -> Bvh:
+        """All its faces."""
+        return Bvh(self.mesh, instance=0, table=self.table)
+
+    @cached_property
+    def opaque(self) -> Bvh:
+        """The faces that are not glass, for the beams that meet glass first."""
+        opaque, glass = self.mesh.split_glass(self.table)
+        return Bvh(opaque, instance=0, table=self.table) if len(glass.faces) else self.whole
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """(n, 3) float32 of its mesh."""
+        return self.mesh.vertices
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float64 corners of its box."""
+        return self.mesh.bounds.astype(np.float64)
 
 
 class Scene:
@@ -114,5 +124,5 @@ class Scene:
     def model(self, name: str) -> TracedModel:
         """The traced model of a name, built on first use."""
         if name not in self._models:
-            self._models[name] = TracedModel.of(self._load_model(name), self.table)
+            self._models[name] = TracedModel(self._load_model(name), self.table)
         return self._models[name]

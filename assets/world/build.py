@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,10 @@ class BuiltWorld:
 
 
 def build_world(
-    streets: Streets, seed: int, environment: Environment | None = None, groundwork: Groundwork | None = None
+    streets: Streets,
+    seed: int,
+    environment: Environment | None = None,
+    groundwork: Callable[[], Groundwork] | None = None,
 ) -> BuiltWorld:
     """Builds the static world around a street network.
 
@@ -62,12 +66,12 @@ def build_world(
         streets: the network and its style.
         seed: of every choice.
         environment: how densely it is built, planted and furnished; as the style has it by default.
-        groundwork: of these streets, where it is made already.
+        groundwork: gives that of these streets, where it is made already.
 
     Raises:
         ValueError: the network has no lanes, or its style is unknown.
     """
-    base = groundwork or lay_groundwork(streets)
+    base = groundwork() if groundwork is not None else lay_groundwork(streets)
     streets = base.streets  # on the land; bridges carry the rest
     environment = environment or Environment()
     style = environment.dress(style_of(streets.style))

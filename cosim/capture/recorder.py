@@ -25,7 +25,6 @@ from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
-from cosim.scene.ground import Ground
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
@@ -130,8 +129,7 @@ class Recorder:
         assert self._site is not None
         self._cameras.enter(self._site, light_of(self._config, plan.number))
         self._labellers = {name: self._make_labeller(name, plan.number) for name in self._cameras.labelled}
-        self._ground = self._site.land.ground if self._config.world is None else Ground(self._site.mesh)
-        self._bridge = Bridge(self._ground, self._config.seed + plan.number, self._external)
+        self._bridge = Bridge(self._site.ground, self._config.seed + plan.number, self._external)
 
     def note(self, entry: dict[str, object]) -> None:
         """Write an entry about an episode into the manifest, after its frames."""
@@ -156,7 +154,7 @@ class Recorder:
         assert self._site is not None
         instances = self._bridge.place(actors)
         if isinstance(carrier, Mast):
-            ego, others, bits = carrier.ego(self._ground), instances, actors.signals
+            ego, others, bits = carrier.ego(self._site.ground), instances, actors.signals
         else:
             row = actors.ids.index(carrier)
             rest = np.delete(np.arange(len(instances)), row)

@@ -21,6 +21,7 @@ _GC_THRESHOLDS = (50_000, 20, 50)  # collect rarely, because reference cycles ar
 def main(descriptor: int) -> None:
     """Execute the tasks received through the socket until None is received or the socket is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it, too, and stops its children
+    gc.set_threshold(*_GC_THRESHOLDS)
     connection = Connection(descriptor)
     job, threads = connection.recv()
     tasks: queue.SimpleQueue = queue.SimpleQueue()
@@ -38,7 +39,6 @@ def _run_tasks(job: Job, threads: int, tasks: queue.SimpleQueue, tell: _EventSen
     with job.open(threads) as do:
         tell(JobEvent("opened"))
         gc.freeze()  # exclude the objects of the open job from later collections
-        gc.set_threshold(*_GC_THRESHOLDS)
         while (task := tasks.get()) is not None:
             do(task, tell)
             tell(JobEvent("task", peak_bytes=peak_bytes()))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from cosim.drives.kitti.boxes import Boxes
 from cosim.drives.kitti.calibration import Calibration
@@ -65,7 +64,6 @@ class Labeller:
         self._min_pixels = min_pixels
         self._min_points = min_points
         self._annotators, self._seed = annotators, seed
-        self._hulls: dict[str, np.ndarray] = {}
 
     def label(
         self,
@@ -117,7 +115,8 @@ class Labeller:
         boxes, truncated = np.zeros((len(rows), 4)), np.zeros(len(rows))
         for i, row in enumerate(rows):
             camera_from_model = camera_from_world @ instances.poses[row]
-            points = _transform(camera_from_model, self._hull(instances.models[row]) * instances.scales[row])
+            hull = self._scene.model(instances.models[row]).mesh.hull.astype(np.float64)
+            points = _transform(camera_from_model, hull * instances.scales[row])
             if self._depth(points).min() > NEAR_M:
                 uv = self._project(points)
                 full = np.array([*uv.min(0), *uv.max(0)])
@@ -140,13 +139,6 @@ class Labeller:
         """Pixels (n, 2) of points in camera axes; invalid for points behind the camera."""
         projected = points @ self._P[:, :3].T + self._P[:, 3]
         return projected[:, :2] / np.where(np.abs(projected[:, 2:]) > 1e-6, projected[:, 2:], 1e-6)
-
-    def _hull(self, name: str) -> np.ndarray:
-        """Corners of a model's convex hull, (k, 3) in the model frame."""
-        if name not in self._hulls:
-            vertices = self._scene.model(name).vertices
-            self._hulls[name] = vertices[ConvexHull(vertices).vertices].astype(np.float64)
-        return self._hulls[name]
 
     def _hidden_share(
         self,

@@ -65,21 +65,20 @@ class Land:
         return np.array([*low, 0.0])
 
     @cached_property
-    def groundwork(self) -> Groundwork:
-        """Meshes of roads and terrain, relative to the corner."""
-        is_at_zero = not self.corner_m.any()
-        return lay_groundwork(
-            self.streets if is_at_zero else shift_streets(self.streets, -self.corner_m, _COORDINATE_DECIMALS)
-        )
+    def local_streets(self) -> Streets:
+        """The streets that are built, relative to the corner."""
+        if not self.corner_m.any():
+            return self.streets
+        return shift_streets(self.streets, -self.corner_m, _COORDINATE_DECIMALS)
 
     @cached_property
-    def ground(self) -> Ground:
-        """Height queries on the ground."""
-        return Ground(self.place(self.groundwork.ground))
+    def groundwork(self) -> Groundwork:
+        """Meshes of roads and terrain, relative to the corner."""
+        return lay_groundwork(self.local_streets)
 
     def build(self, seed: int, environment: Environment) -> BuiltWorld:
         """Build a random world, relative to the corner."""
-        return _build_world(self.groundwork.streets, seed, environment, groundwork=self.groundwork)
+        return _build_world(self.local_streets, seed, environment, groundwork=lambda: self.groundwork)
 
     def place(self, mesh: Mesh) -> Mesh:
         """Move a mesh from the corner to its position in the town."""
@@ -97,6 +96,7 @@ class Site:
         world: number of the random world.
         mesh: mesh of the static world.
         scene: scene for ray tracing.
+        ground: height queries on the ground; on the whole world where that is a user's mesh.
         tiles: tiles of the world for rendering.
         shadows: shadows that the world casts on itself.
         signals: heads of the traffic signals.
@@ -106,6 +106,7 @@ class Site:
     world: int
     mesh: Mesh
     scene: Scene
+    ground: Ground
     tiles: Tiles
     shadows: SunShadows
     signals: tuple[SignalHead, ...] = ()
@@ -115,21 +116,31 @@ class Site:
         """Build the world for the run's seed, the town and the world's number."""
         town = land.town
         if config.world is not None:
-            return cls._of(land, world, config.world.read(town.streets), (), models, threads)
+            mesh = config.world.read(town.streets)
+            return cls._of(land, world, mesh, mesh, (), models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = land.build(int(np.random.default_rng(seeds).integers(2**31)), environment)
         to_town = np.eye(4)
         to_town[:3, 3] = land.corner_m
         signals = tuple(replace(head, pose=to_town @ head.pose) for head in static.signals)
-        return cls._of(land, world, land.place(static.mesh), signals, models, threads)
+        return cls._of(land, world, land.place(static.mesh), land.place(static.ground), signals, models, threads)
 
     @classmethod
     def _of(
-        cls, land: Land, world: int, mesh: Mesh, signals: tuple[SignalHead, ...], models: Models, threads: int
+        cls,
+        land: Land,
+        world: int,
+        mesh: Mesh,
+        ground: Mesh,
+        signals: tuple[SignalHead, ...],
+        models: Models,
+        threads: int,
     ) -> Site:
         scene = Scene(mesh, models.load, threads, models=models.traced)
-        return cls(land, world, mesh, scene, cut_world(mesh), SunShadows(mesh, Light(), scene.static), signals)
+        tiles = cut_world(mesh)
+        shadows = SunShadows(mesh, Light(), scene.static, tiles.vertex_normals)
+        return cls(land, world, mesh, scene, Ground(ground), tiles, shadows, signals)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Load this site and a light into a renderer."""

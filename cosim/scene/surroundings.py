@@ -29,7 +29,9 @@ def is_large(streets: Streets) -> bool:
 
 def lane_length_m(streets: Streets) -> float:
     """Length of all lanes [m]."""
-    return float(sum(np.linalg.norm(np.diff(lane.centre[:, :2], axis=0), axis=1).sum() for lane in streets.lanes))
+    points = np.concatenate([lane.centre[:, :2] for lane in streets.lanes])
+    last = np.cumsum([len(lane.centre) for lane in streets.lanes])[:-1] - 1
+    return float(np.delete(np.hypot(*np.diff(points, axis=0).T), last).sum())
 
 
 def surroundings(streets: Streets, route: np.ndarray, sight_m: float) -> Streets:

@@ -31,11 +31,12 @@ class SunShadows:
         mesh: the static world, world axes.
         light: gives the sun's direction.
         bvh: the mesh's own hierarchy where one exists already; building one takes longer than the rays.
+        normals: (n, 3) `vertex_normals` of the mesh where they are computed already.
     """
 
-    def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None) -> None:
+    def __init__(self, mesh: Mesh, light: Light, bvh: Bvh | None = None, normals: np.ndarray | None = None) -> None:
         self._vertices = mesh.vertices
-        self._normal = vertex_normals(mesh)
+        self._normal = vertex_normals(mesh) if normals is None else normals
         self._sky = np.full(len(mesh.vertices), np.nan, np.float32)  # computed on demand
         self._sun = np.array(light.sun_direction, np.float32)
         self._bvh = bvh or Bvh(mesh)

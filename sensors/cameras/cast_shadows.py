@@ -44,7 +44,6 @@ class CastShadows:
         self._sun = np.array(light.sun_direction)
         sun, sky = np.array(light.sun_rgb) * max(float(self._sun[2]), 0.0), np.array(light.sky_rgb)
         self._left = np.sqrt(sky / (sun + sky))  # images hold the square root of light
-        self._hulls: dict[str, np.ndarray] = {}
         self._outlines: dict[str, tuple[bytes, np.ndarray]] = {}
         self._is_ground = np.zeros(256, bool)
         self._is_ground[[material_index(name) + 1 for name in _GROUND]] = True
@@ -61,13 +60,14 @@ class CastShadows:
         if self._sun[2] < _LOWEST_SUN or images.rgba is None or not len(instances):
             return images
         owner, (top, left) = self._fallen(images.rgba.shape[:2], pose, P, instances)
-        window = np.s_[top : top + owner.shape[0], left : left + owner.shape[1]]
-        may = (owner > 0) & self._is_ground[images.rgba[window][..., 3]] & (images.instance[window] == 0)
-        rows, columns = np.nonzero(may)
-        stands = instances.poses[owner[rows, columns] - 1]
+        rows, columns = np.nonzero(owner)
+        caster = owner[rows, columns] - 1
         rows, columns = rows + top, columns + left
+        is_ground = self._is_ground[images.rgba[rows, columns, 3]] & (images.instance[rows, columns] == 0)
+        rows, columns, caster = rows[is_ground], columns[is_ground], caster[is_ground]
         points = _points(rows, columns, images.depth_at(rows, columns), pose, P)
-        above = np.einsum("ij,ij->i", points - stands[:, :3, 3], stands[:, :3, 2])
+        foot, normal = instances.poses[:, :3, 3], instances.poses[:, :3, 2]
+        above = np.einsum("ij,ij->i", points - foot[caster], normal[caster])
         on_plane = np.abs(above) < _OFF_PLANE_M
         rows, columns, points = rows[on_plane], columns[on_plane], points[on_plane]
         if not len(rows):
@@ -119,17 +119,11 @@ class CastShadows:
         """Corners (k, 3) of an instance's shadow on its ground plane."""
         stands = instances.poses[row]
         foot, normal = stands[:3, 3], stands[:3, 2]
-        corners = (self._hull(instances.models[row]) * instances.scales[row]) @ stands[:3, :3].T + foot
+        hull = self._load(instances.models[row]).hull.astype(np.float64)
+        corners = (hull * instances.scales[row]) @ stands[:3, :3].T + foot
         fallen = corners - np.outer((corners - foot) @ normal / (self._sun @ normal), self._sun)
         flat = (fallen - foot) @ stands[:3, :2]
         return fallen[ConvexHull(flat).vertices]
-
-    def _hull(self, name: str) -> np.ndarray:
-        """Corners of a model's convex hull, (k, 3) in its own axes."""
-        if name not in self._hulls:
-            vertices = self._load(name).vertices.astype(np.float64)
-            self._hulls[name] = vertices[ConvexHull(vertices).vertices]
-        return self._hulls[name]
 
 
 def _points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from assets.cache import cached_latest
 from assets.mesh import Mesh
+from sensors.cameras.baking import vertex_normals
 from sensors.cameras.closed import closed_faces
 from sensors.cameras.packing import drawable
 from sensors.cameras.projection import boxes_inside
@@ -25,6 +26,7 @@ class Tiles:
         count: (t,) int64 number of faces.
         bounds: (t, 2, 3) float64 corners of each box, world axes [m].
         closed: (t,) bool, all faces belong to closed surfaces.
+        vertex_normals: (n, 3) float32 of the whole world, glass included.
     """
 
     mesh: Mesh
@@ -32,6 +34,7 @@ class Tiles:
     count: np.ndarray
     bounds: np.ndarray
     closed: np.ndarray
+    vertex_normals: np.ndarray
 
     @classmethod
     def of(cls, static: Mesh) -> Tiles:
@@ -47,7 +50,7 @@ class Tiles:
             triangles = mesh.triangles
             bounds[:, 0] = np.minimum.reduceat(triangles.min(1), first)
             bounds[:, 1] = np.maximum.reduceat(triangles.max(1), first)
-        return cls(mesh, first, count, bounds, closed[first])
+        return cls(mesh, first, count, bounds, closed[first], vertex_normals(static))
 
     def in_view(self, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the tiles inside the frustum `planes` (6, 4), nearest first, and distances from `eye` [m]."""
@@ -66,7 +69,7 @@ class Tiles:
 
 @cached_latest(8)
 def cut_world(static: Mesh) -> Tiles:
-    """`Tiles.of` a world; the tiles of the worlds used last are kept on disk, 20 MB each."""
+    """`Tiles.of` a world; the tiles of the worlds used last are kept on disk, 30 MB each."""
     return Tiles.of(static)
 
 

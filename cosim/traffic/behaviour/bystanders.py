@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -75,6 +76,11 @@ class _Person:
         """Whether one is past the corner on the street's side, or in it."""
         return self.at_m > self.corner_m
 
+    @property
+    def looks(self) -> bool:
+        """Whether one must know who passes: in the street, and on the way there."""
+        return self.in_street or self.wants == _STREET
+
     def place(self, at_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (2,) and direction (2,) of the way at a distance along it."""
         pieces, length, along = self._pieces
@@ -138,14 +144,13 @@ class Bystanders:
         self.cars.update(self._people)
         if not self._people and not self._usual_m:
             return actors
-        driving = _driving(motion, actors)
-        passers = {
-            car: _passers_by(person, _middle(actors, rows[car]), float(actors.heading_rad[rows[car]]), driving)
-            for car, person in self._people.items()
-        }
+        driving = cache(lambda: _driving(motion, actors))  # most people stand still and need not look
+        passers: dict[str, list[_Passer]] = {}
         poses = []
         for car, person in sorted(self._people.items()):
             self._decide(person, actors.time_s)
+            middle, heading = _middle(actors, rows[car]), float(actors.heading_rad[rows[car]])
+            passers[car] = _passers_by(person, middle, heading, driving()) if person.looks else []
             poses.append(self._walk(person, passers[car], driving, (actors, rows[car]), traffic.step_s))
         self._make_room(motion, passers, traffic.step_s)
         return actors.and_then(self._as_actors(actors, np.array(poses))) if poses else actors
@@ -207,7 +212,11 @@ class Bystanders:
 
     @staticmethod
     def _walk(
-        person: _Person, passers: list[_Passer], driving: Actors, car: tuple[Actors, int], step_s: float
+        person: _Person,
+        passers: list[_Passer],
+        driving: Callable[[], Actors],
+        car: tuple[Actors, int],
+        step_s: float,
     ) -> list[float]:
         """One step; gives x, y, height and heading."""
         goal, hurries = float(person.stations[person.wants]), False
@@ -226,7 +235,7 @@ class Bystanders:
         onward = person.at_m + float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
         looks_m = np.clip(goal, onward - _ELBOW_M, onward + _ELBOW_M)
         if onward != person.at_m and _blocked(
-            middle + _turned(person.place(looks_m)[0][None], heading), person, driving
+            middle + _turned(person.place(looks_m)[0][None], heading), person, driving()
         ):
             goal = onward = person.at_m
         person.at_m = onward

@@ -67,10 +67,9 @@ class Motion:
     def poses(self, actors: Actors) -> tuple[np.ndarray, np.ndarray]:
         """Front bumpers (n, 2) and headings (n,) after the last step; for those it did not know, as the actors say."""
         front, heading = actors.front[:, :2].copy(), actors.heading_rad.copy()
-        for row, name in enumerate(actors.ids):
-            known = self._rows.get(name)
-            if known is not None:
-                front[row], heading[row] = self._of["front"][known], self._of["heading"][known]
+        rows = np.array([self._rows.get(name, -1) for name in actors.ids], int)
+        known = rows >= 0
+        front[known], heading[known] = self._of["front"][rows[known]], self._of["heading"][rows[known]]
         return front, heading
 
     def keep_offset(self, vehicle: str, offset_m: float) -> None:
@@ -236,18 +235,19 @@ class Motion:
         state["curvature"][actors.parked[wheels]] = state["speed"][actors.parked[wheels]] = 0.0
         state["speed"][on_foot] = state["curvature"][on_foot] = 0.0
         state["front"][on_foot] += _bumpers(actors, of["heading"], wheels[on_foot])
-        want, index = {name: values.copy() for name, values in state.items()}, np.searchsorted(wheels, drives)
+        row_of = np.full(len(actors), -1)  # in `wheels`
+        row_of[wheels] = np.arange(len(wheels))
+        want, index = {name: values.copy() for name, values in state.items()}, row_of[drives]
         want["front"][index], want["heading"][index] = wanted.front, wanted.heading_rad
         want["curvature"][index], want["speed"][index] = wanted.curvature_per_m, wanted.speed_mps
-        rows = {int(row): i for i, row in enumerate(wheels)}
         company = Company(
             state=state,
             want=want,
             chassis=self._chassis.take(wheels),
             size=actors.size[wheels],
             stuck_s=of["stuck"][wheels],
-            players={rows[self._rows[name]]: player for name, player in self._players.items()},
-            may_touch=self._allowed(rows),
+            players={int(row_of[self._rows[name]]): player for name, player in self._players.items()},
+            may_touch=self._allowed(row_of),
         )
         taken, waits, blocks = take_steps(company, step)
         self._blocks = {actors.ids[wheels[i]]: actors.ids[wheels[j]] for i, j in blocks.items()}
@@ -271,11 +271,11 @@ class Motion:
                 self._footsteps.setdefault(name, Footsteps()).add(front[0], front[1], heading)
                 of["noted"][row] = front
 
-    def _allowed(self, rows: dict[int, int]) -> frozenset[tuple[int, int]]:
+    def _allowed(self, row_of: np.ndarray) -> frozenset[tuple[int, int]]:
         """Pairs of wheeled rows that may touch."""
-        known = [(rows.get(self._rows.get(a, -1)), rows.get(self._rows.get(b, -1))) for a, b in self._may_touch]
-        pairs = [(a, b) for a, b in known if a is not None and b is not None]
-        return frozenset((min(pair), max(pair)) for pair in pairs)
+        known = [pair for pair in self._may_touch if self._rows.keys() >= set(pair)]
+        rows = [(int(row_of[self._rows[a]]), int(row_of[self._rows[b]])) for a, b in known]
+        return frozenset((min(pair), max(pair)) for pair in rows if min(pair) >= 0)
 
     def _go_on_trails(self, actors: Actors, rows: np.ndarray, target: np.ndarray) -> list[Trail]:
         """Trails of the targets of some rows, which are their newest places."""

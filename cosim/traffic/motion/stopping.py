@@ -59,9 +59,10 @@ def travel(
     turned = curvature_per_m * way_m
     chord = way_m * np.sinc(turned / (2 * np.pi))
     middle, after = heading_rad + turned / 2, heading_rad + turned
-    x = front[..., 0] + chord * np.cos(middle) + rear_m * (np.cos(after) - np.cos(heading_rad))
-    y = front[..., 1] + chord * np.sin(middle) + rear_m * (np.sin(after) - np.sin(heading_rad))
-    return np.stack([x, y], -1), after
+    moved = np.empty((*after.shape, 2))
+    moved[..., 0] = front[..., 0] + chord * np.cos(middle) + rear_m * (np.cos(after) - np.cos(heading_rad))
+    moved[..., 1] = front[..., 1] + chord * np.sin(middle) + rear_m * (np.sin(after) - np.sin(heading_rad))
+    return moved, after
 
 
 def braked(state: dict[str, np.ndarray], rear_m: np.ndarray, step_s: float) -> dict[str, np.ndarray]:

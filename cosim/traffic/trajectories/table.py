@@ -14,7 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import polars
 
 from cosim.traffic.trajectories.kinds import sumo_types, user_of
 from cosim.traffic.trajectories.riders import is_rider
@@ -179,6 +178,8 @@ def is_columnar(path: Path) -> bool:
 
 
 def _columnar_rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    import polars
+
     read = {".parquet": polars.read_parquet, ".feather": polars.read_ipc}[path.suffix.lower()]
     try:
         table = read(path)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from assets.world.environment import Environment
+from cosim.scene.ground import Ground
 from cosim.scene.site import Land
 from sumo_nets import Town, read_town
 from sumo_nets.local_origin import move_file
@@ -33,9 +34,11 @@ def test_a_moved_network_has_the_same_world(net, offset, tmp_path):
     town = moved(net, tmp_path, *offset)
     here, there = (Land(each, each.streets) for each in (read_town(net), town))
     remaining = np.array([*offset, 0.0]) - town.streets.origin_m
-    meshes = [land.place(land.build(3, Environment()).mesh) for land in (here, there)]
+    worlds = [land.build(3, Environment()) for land in (here, there)]
+    meshes = [land.place(world.mesh) for land, world in zip((here, there), worlds, strict=True)]
     assert np.array_equal(meshes[0].faces, meshes[1].faces)
     np.testing.assert_allclose(meshes[1].vertices - remaining, meshes[0].vertices, atol=1e-3)
     spots = np.column_stack([np.random.default_rng(1).uniform(0, 90, (200, 2)), np.zeros(200)])
-    heights = here.ground.height(spots), there.ground.height(spots + remaining)
+    grounds = [Ground(land.place(world.ground)) for land, world in zip((here, there), worlds, strict=True)]
+    heights = grounds[0].height(spots), grounds[1].height(spots + remaining)
     np.testing.assert_allclose(heights[0], heights[1], atol=1e-3)
