@@ -16,7 +16,6 @@ from sumo_nets.errors import TownError
 from sumo_nets.lanes import points, use_of
 from sumo_nets.outline import simple_outlines
 from sumo_nets.scenery import read_scenery
-from sumo_nets.stop_lines import stop_lines
 from sumo_nets.xml_guard import read_xml
 
 _DEFAULT_PARKING_WIDTH_M = 3.2
@@ -85,7 +84,7 @@ def _geometry(net: Any) -> tuple[list[StreetLane], list[StreetArea], list[StopLi
                 lanes.append(_lane(edge, lane, use, centre))
             elif not lane.getPermissions():
                 areas += _areas(lane.getID(), "junction", polyline.strip(centre, lane.getWidth()))
-        stops += stop_lines(edge)
+        stops += _stop_lines(edge)
     for node in net.getNodes():
         areas += _areas(node.getID(), "junction", points(node.getShape3D()))
     return lanes, areas, stops
@@ -149,3 +148,43 @@ def _space(area: ET.Element, space: ET.Element, number: int) -> ParkingBay:
     ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
     centre = np.stack([front - size["length"] * ahead, front])
     return ParkingBay(f"{area.get('id', '')}:{number}", centre, size["width"])
+
+
+def _stop_lines(edge: Any) -> list[StopLine]:
+    """Return the stop lines of a sumolib edge's driving lanes.
+
+    A street yields where each of its movements, except U-turns, gives way to another street's traffic; one of lower
+    priority than another street there, where any does. So a main road has no line although its left turns wait for
+    oncoming traffic, nor has a street that only yields to a crossing, nor one where the right goes before the left.
+    """
+    if edge.getFunction():
+        return []
+    lanes = [lane for lane in edge.getLanes() if use_of(edge, lane) == "drive"]
+    links = {lane: [link for link in lane.getOutgoing() if link.getDirection() != "t"] for lane in lanes}
+    held = _control(edge, [link for lane in lanes for link in links[lane]])
+    lines = []
+    for lane in lanes:
+        control = "signal" if any(link.getTLSID() for link in links[lane]) else held
+        if control and links[lane]:
+            centre = points(lane.getShape3D())
+            lines.append(StopLine(lane.getID(), centre[-1], polyline.heading(centre), control))
+    return lines
+
+
+def _control(edge: Any, links: list[Any]) -> Literal["stop", "yield"] | None:
+    states = {link.getState() for link in links}
+    if states & {"s", "w"}:
+        return "stop"
+    if "m" not in states or states & {"M", "="}:
+        return None
+    node = edge.getToNode()
+    others = [link for link in node.getConnections() if _comes_from_another_street(link, edge)]
+    gives_way = [any(node.forbids(other, link) for other in others) for link in links]
+    minor = any(other.getFrom().getPriority() > edge.getPriority() for other in others)
+    return "yield" if (any(gives_way) if minor else all(gives_way)) else None
+
+
+def _comes_from_another_street(link: Any, edge: Any) -> bool:
+    other = link.getFrom()
+    drives = use_of(other, link.getFromLane()) == "drive" and not other.getFunction()
+    return drives and other is not edge and link.getDirection() != "t"

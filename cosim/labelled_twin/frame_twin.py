@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from assets.mesh import Mesh
 from cosim.drives.kitti import Calibration, Frame, Labels, points_in_boxes
-from cosim.drives.twin import Ego, Lidar, TwinCamera, TwinFrame
-from cosim.drives.twin.trust import MARGIN_M, Trust
+from cosim.drives.twin import Ego, Instance, Lidar, TwinCamera, TwinFrame
+from cosim.drives.twin.trust import MARGIN_M, Trust, in_box
 from cosim.errors import FormatError
-from cosim.labelled_twin.brightness import Brightness, estimate_paint, ground_brightness
 from cosim.labelled_twin.ground_surface import REACH_M, fit_ground
 from cosim.labelled_twin.objects import label_instances
 from cosim.labelled_twin.road_cells import find_road_cells
@@ -21,6 +21,8 @@ from sensors.cameras.kitti_rig import HEIGHT_PX, WIDTH_PX, lidar_pose_ego
 from sensors.pattern import Pattern
 
 _CELL_REACH_M = REACH_M + 5.0
+_MIN_POINTS = 30  # for an estimate of an object's paint
+_DEFAULT_SPREAD = 0.2  # standard deviation of the intensity for objects with fewer points
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ def make_frame_twin(frame: Frame, pattern: Pattern) -> FrameTwin:
     body_sd, paint_sd = body_scatter(instances, xyz), np.zeros(len(instances))
     if frame.has_intensity:
         brightness = ground_brightness(trust, xyz, points[:, 3])
-        instances, paint_sd = estimate_paint(instances, xyz, points[:, 3])
+        instances, paint_sd = _estimate_paint(instances, xyz, points[:, 3])
     trust = replace(
         trust,
         ground_intensity_sd=brightness.spread,
@@ -123,3 +125,42 @@ def check_labelled(frame: Frame) -> None:
             f"{frame.root}: no label_2/{frame.name}.txt; the twin is made from labels: "
             "add an empty file if the frame has no objects, or leave the frame out with --frames"
         )
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """Mean intensity (0–1), number and standard deviation of measured points."""
+
+    mean: float
+    points: int
+    spread: float = 0.0
+
+    @classmethod
+    def of(cls, intensity: np.ndarray) -> Brightness:
+        """Compute it from intensities (n,)."""
+        if not len(intensity):
+            return cls(0.0, 0)
+        values = intensity.clip(0, 1).astype(np.float64)
+        return cls(float(values.mean()), len(values), float(values.std()))
+
+
+def ground_brightness(trust: Trust, xyz: np.ndarray, intensity: np.ndarray) -> Brightness:
+    """Brightness of the points (n, 3), world axes, that are on trusted ground."""
+    return Brightness.of(intensity[trust.measured(xyz, ())])
+
+
+def _estimate_paint(
+    instances: Sequence[Instance], xyz: np.ndarray, intensity: np.ndarray
+) -> tuple[tuple[Instance, ...], np.ndarray]:
+    """Set the paint of each instance to the mean intensity of the points (n, 3) in its box, if there are enough.
+
+    Returns:
+        The instances and the standard deviations (i,) of the intensities in their boxes.
+    """
+    painted, spread = [], np.full(len(instances), _DEFAULT_SPREAD)
+    for row, instance in enumerate(instances):
+        brightness = Brightness.of(intensity[in_box(xyz, instance, 0.0)])
+        has_points = brightness.points >= _MIN_POINTS
+        painted.append(replace(instance, paint=brightness.mean) if has_points else instance)
+        spread[row] = brightness.spread if has_points else _DEFAULT_SPREAD
+    return tuple(painted), spread

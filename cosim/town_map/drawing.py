@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterable
 from html import escape
 
+import cv2
 import numpy as np
 import shapely
 from markupsafe import Markup
+from scipy.interpolate import RBFInterpolator
 
 from assets.streets import StreetLane, Streets
-from cosim.town_map.relief import relief_picture
 
 _MARGIN_M = 25.0
 _SIMPLER_M = 0.15
@@ -31,6 +33,10 @@ COLOURS = {
     "gives way": "#e0a100",
 }
 _SIGN_COLOURS = {"signal": "traffic light", "stop": "stop sign", "yield": "gives way"}
+_CELLS = 72
+_MOST_SAMPLES = 1500
+_LOW_RGB, _HIGH_RGB = np.array([196, 218, 190]), np.array([238, 222, 188])
+_STEEP = 12.0  # exaggerates slopes for the shade
 
 
 def town_svg(streets: Streets) -> Markup:
@@ -40,7 +46,7 @@ def town_svg(streets: Streets) -> Markup:
     width, tall = high - low
     frame = f'viewBox="{low[0]:.0f} {-high[1]:.0f} {width:.0f} {tall:.0f}"'
     box = f'x="{low[0]:.1f}" y="{-high[1]:.1f}" width="{width:.1f}" height="{tall:.1f}"'
-    relief = relief_picture(streets, low, high)
+    relief = _relief_picture(streets, low, high)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {frame} role="img" aria-label="{escape(streets.name)} from above">',
         f'<image {box} preserveAspectRatio="none" href="{relief}"/>',
@@ -123,3 +129,26 @@ def _path(line: np.ndarray, closed: bool = False) -> str:
 
 def _pairs(xy: np.ndarray) -> Iterable[str]:
     return (f"{x:.1f} {-y:.1f}" for x, y in xy)
+
+
+def _relief_picture(streets: Streets, low: np.ndarray, high: np.ndarray) -> str:
+    """Return a `data:` URL of a PNG over the rectangle from `low` to `high` (2,), north up, lit from the north-west."""
+    height = _heights(streets, low, high)
+    cell = (high - low) / (_CELLS - 1)
+    east, north = np.gradient(height, cell[0], cell[1])
+    shade = np.clip(1.0 + _STEEP * (east - north) / np.sqrt(2) * 0.5, 0.72, 1.12)[..., None]
+    share = ((height - height.min()) / max(np.ptp(height), 8.0))[..., None]
+    rgb = np.clip((_LOW_RGB + share * (_HIGH_RGB - _LOW_RGB)) * shade, 0, 255).astype(np.uint8)
+    picture = np.ascontiguousarray(rgb.transpose(1, 0, 2)[::-1, :, ::-1])
+    _, data = cv2.imencode(".png", picture)
+    return f"data:image/png;base64,{base64.b64encode(data.tobytes()).decode()}"
+
+
+def _heights(streets: Streets, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the ground's height in metres on a grid over a rectangle, first axis east, second north."""
+    points = np.concatenate([lane.centre for lane in streets.lanes])
+    points = points[:: max(1, len(points) // _MOST_SAMPLES)]
+    surface = RBFInterpolator(points[:, :2], points[:, 2], neighbors=48, smoothing=1.0, kernel="linear")
+    x, y = (np.linspace(low[k], high[k], _CELLS) for k in (0, 1))
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    return surface(grid).reshape(_CELLS, _CELLS)

@@ -15,11 +15,10 @@ from cosim.view.birds_eye import GroundPlan, draw_from_above, draw_outlines, nam
 from cosim.view.camera import ENLARGED, draw_depth, draw_labels, draw_points, enlarge
 from cosim.view.camera_images import straight_image
 from cosim.view.captions import Caption
-from cosim.view.close_ups import FEWEST_POINTS, best_seen, draw_close_ups
-from cosim.view.colours import BACKGROUND, Scale, colour_by_instance
-from cosim.view.drawing import draw_colour_bar
+from cosim.view.colours import BACKGROUND, TEXT, Scale, colour_by_instance
+from cosim.view.drawing import draw_colour_bar, draw_text
 from cosim.view.objects import Objects, PointInstances, find_instances, find_objects, labelled_boxes
-from cosim.view.perspective import chase_view, draw_perspective, draw_wires
+from cosim.view.perspective import chase_view, close_view, draw_perspective, draw_wires
 from cosim.view.projection import Viewpoint
 from cosim.view.range_image import RangeGrid, draw_range_image, nearest_points
 from sensors.pattern import load_pattern
@@ -29,6 +28,11 @@ RANGE = Scale("range [m]", 3, 80, "turbo", near_is_warm=True, logarithmic=True)
 _MIN_POINTS = 5  # for an object to be outlined
 _NO_OBJECTS = "objects are unknown: there are neither labels nor a twin"
 _RECOVERED_COLUMNS = 1800  # recovered azimuths vary by half a step; wider cells avoid false gaps
+_FEWEST_POINTS = 60
+_MOST = 4
+_GAP_PX = 6
+_WIDTH_PX = 1606
+_HEIGHT_PX = 540
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +118,11 @@ class FramePictures:
         yield Picture(captions.ABOVE_INSTANCE, image)
 
     def _close_ups(self) -> Picture | Absent:
-        if not len(best_seen(self._counts)):
-            return Absent(captions.CLOSE_UPS, f"no object has {FEWEST_POINTS} points")
+        if not len(_best_seen(self._counts)):
+            return Absent(captions.CLOSE_UPS, f"no object has {_FEWEST_POINTS} points")
         return Picture(
             captions.CLOSE_UPS,
-            draw_close_ups(self.frame.points, self._by_instance, self.objects, self._counts),
+            _draw_close_ups(self.frame.points, self._by_instance, self.objects, self._counts),
         )
 
     def _range_images(self) -> Iterator[Picture | Absent]:
@@ -176,3 +180,46 @@ def intensity_scale(drive: Drive, names: tuple[str, ...]) -> Scale:
     tops = [np.percentile(points[:, 3], 97.5) for points in (drive[name].points for name in names) if len(points)]
     top = max(0.1, float(np.ceil(max(tops, default=1.0) * 20) / 20))
     return Scale("intensity", 0, top, "viridis", start=0.16)
+
+
+def _best_seen(counts: np.ndarray) -> np.ndarray:
+    """Rows of up to four objects with the most points, at least `_FEWEST_POINTS`."""
+    order = np.argsort(-counts, kind="stable")[:_MOST]
+    return order[counts[order] >= _FEWEST_POINTS]
+
+
+def _draw_close_ups(points: np.ndarray, colours: np.ndarray, objects: Objects, counts: np.ndarray) -> np.ndarray:
+    """Draw the objects selected by `_best_seen` (at least one) in rows of two; an odd last one has the full width.
+
+    Args:
+        points: (n, ≥ 3) in LiDAR axes [m].
+        colours: (n, 3) uint8 RGB.
+        objects: of the frame.
+        counts: points of each object.
+    """
+    chosen = _best_seen(counts)
+    strips = []
+    for pair in (chosen[i : i + 2] for i in range(0, len(chosen), 2)):
+        width = (_WIDTH_PX - _GAP_PX * (len(pair) - 1)) // len(pair)
+        tiles = [_draw_tile(points, colours, objects, row, int(counts[row]), width) for row in pair]
+        strips.append(_joined(tiles, axis=1))
+    return _joined(strips, axis=0)
+
+
+def _draw_tile(
+    points: np.ndarray, colours: np.ndarray, objects: Objects, row: int, count: int, width: int
+) -> np.ndarray:
+    tile = draw_perspective(points, colours, close_view(objects.boxes, row, width, _HEIGHT_PX))
+    distance = np.linalg.norm(objects.boxes.centre[row])
+    text = f"{objects.kinds[row]}, {distance:.0f} m away, {count} points"
+    draw_text(tile, text, (18, 18), 14, TEXT, plate=BACKGROUND)
+    return tile
+
+
+def _joined(images: list[np.ndarray], axis: int) -> np.ndarray:
+    """Images side by side (axis 1) or stacked (axis 0) with a gap between them."""
+    shape = list(images[0].shape)
+    shape[axis] = _GAP_PX
+    gap = np.full(shape, BACKGROUND, np.uint8)
+    parts = [part for image in images for part in (gap, image)][1:]
+    return np.concatenate(parts, axis=axis)

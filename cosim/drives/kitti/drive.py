@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -15,8 +17,7 @@ from cosim.drives.kitti.frame import Frame
 from cosim.drives.kitti.label_axes import AXES, LabelAxes, infer_label_axes, is_tilted
 from cosim.drives.kitti.layout import LIDARS, find_layout, lidar_folder, list_scans, read_manifest, read_split
 from cosim.drives.kitti.point_format import OPTIONS, PLAIN, PointFormat, drive_options, find_point_format
-from cosim.drives.kitti.scan_notes import scan_notes
-from cosim.errors import CosimError, DriveError
+from cosim.errors import CosimError, DriveError, FormatError
 
 _LOG = logging.getLogger(__name__)
 _LABELLED = 8  # frames from which the axes of labels are inferred
@@ -248,7 +249,7 @@ class Drive:
             *self.missing,
             *inferred,
             *filter(None, [self.label_axes[1]]),
-            *scan_notes([self[name] for name in (self.frames if names is None else names)]),
+            *_scan_notes([self[name] for name in (self.frames if names is None else names)]),
         )
 
     @property
@@ -323,3 +324,50 @@ class Drive:
 
     def _file(self, name: str) -> Path | None:
         return self.root / name if (self.root / name).is_file() else None
+
+
+def _scan_notes(frames: Sequence[Frame]) -> tuple[str, ...]:
+    """Sentences on broken points, empty scans, intensities and rings; frames are read one after another.
+
+    Raises:
+        DriveError: no frame holds a point.
+        FormatError: a scan cannot be read.
+    """
+    if not frames:
+        raise DriveError("no frames: name at least one")
+    left_out: Counter[str] = Counter()
+    points = empty = dark = unordered = 0
+    highest = 0.0
+    for kept in frames:
+        frame = replace(kept)  # forgets its points
+        left_out.update(frame.left_out)
+        points += len(frame.points)
+        if not len(frame.points):
+            empty += 1
+            continue
+        dark += not frame.has_intensity
+        highest = max(highest, float(np.abs(frame.points[:, 3]).max()))
+        unordered += not _has_rings(frame)
+    if not points:
+        raise DriveError(
+            f"{frames[0].root}: none of the {len(frames)} scans holds a finite point; "
+            "velodyne/NAME.bin is float32 x y z intensity a point"
+        )
+    many = len(frames)
+    notes = {
+        f"{left_out['not finite']} points hold NaN or infinity: left out": left_out.pop("not finite", 0),
+        f"{left_out.total()} points are no returns ({', '.join(left_out)}): left out": left_out.total(),
+        f"{empty} of {many} scans hold no point": empty,
+        f"intensities are absent or all zero in {dark} of {many} scans: nothing is said of intensity there": dark,
+        f"intensities reach {highest:g}: 0 to 1 is expected, those above count as 1": highest > 1,
+        f"rings of {unordered} of {many} scans cannot be recovered, their points are in another order: "
+        "give rays/NAME.npz": unordered,
+    }
+    return tuple(note for note, count in notes.items() if count)
+
+
+def _has_rings(frame: Frame) -> bool:
+    try:
+        return len(frame.rays) == len(frame.points)
+    except FormatError:
+        return False
