@@ -102,7 +102,7 @@ def test_no_railing_stands_on_a_lane(count, spacing_m):
 def test_nothing_on_the_land_reaches_through_a_deck(net):
     """Above a deck there is only air: straight up from its lanes, and along them at the height of a bonnet."""
     for seed in (1, 2):
-        world = Bvh(build_world(net, seed, None, lay_groundwork(net)).mesh)
+        world = Bvh(build_world(net, seed).mesh)
         for deck in split_levels(net)[1]:
             for each in deck.streets.lanes:
                 middle = each.centre[3:-3:2] + np.array([0, 0, 0.6])
