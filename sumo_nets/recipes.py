@@ -21,7 +21,7 @@ _SMALL_TOWN = Recipe(
     layout=GridLayout(columns=6, rows=6, spacing_m=112, jitter_m=9),
     relief=Relief(range_m=5),
     streets=StreetRules(dropped=0.17, bend_m=7, signal_share=0.9, parking_share=0.9, main_parking_share=0.35),
-    demand=Demand(driving=100, parked=430, walking=45),
+    demand=Demand(driving=100, parked=640, walking=45),
 )
 
 _VILLAGE_WITH_ROUNDABOUTS = Recipe(
@@ -41,7 +41,7 @@ _VILLAGE_WITH_ROUNDABOUTS = Recipe(
         parking_share=0.8,
         main_parking_share=0.3,
     ),
-    demand=Demand(driving=80, parked=260, walking=30, kinds=KindShares(van=0.1, cyclist=0.08, bus=0.005)),
+    demand=Demand(driving=80, parked=350, walking=30, kinds=KindShares(van=0.1, cyclist=0.08, bus=0.005)),
 )
 
 _SUBURB = Recipe(
@@ -60,7 +60,7 @@ _SUBURB = Recipe(
         main_parking_share=0.35,
         signal_share=0.3,
     ),
-    demand=Demand(driving=85, parked=280, walking=40),
+    demand=Demand(driving=85, parked=375, walking=40),
 )
 
 _RESIDENTIAL_GRID = Recipe(
@@ -79,7 +79,7 @@ _RESIDENTIAL_GRID = Recipe(
         main_parking_share=0.35,
         stop_share=0.8,
     ),
-    demand=Demand(driving=95, parked=520, walking=60, kinds=KindShares(cyclist=0.10)),
+    demand=Demand(driving=95, parked=660, walking=60, kinds=KindShares(cyclist=0.10)),
 )
 
 _URBAN_CORE = Recipe(
@@ -98,7 +98,7 @@ _URBAN_CORE = Recipe(
         parking_share=0.9,
         main_parking_share=0.35,
     ),
-    demand=Demand(driving=150, parked=370, walking=110, kinds=KindShares(van=0.12, bus=0.03, cyclist=0.07)),
+    demand=Demand(driving=150, parked=455, walking=110, kinds=KindShares(van=0.12, bus=0.03, cyclist=0.07)),
 )
 
 _RING_ROAD = Recipe(
@@ -108,7 +108,7 @@ _RING_ROAD = Recipe(
     layout=RingRoadLayout(),
     relief=Relief(range_m=4),
     streets=StreetRules(dropped=0.06, bend_m=0, main_lanes=2, main_speed_kmh=60, parking_share=0.95, signal_share=0),
-    demand=Demand(driving=130, parked=140, walking=35, kinds=KindShares(truck=0.05)),
+    demand=Demand(driving=130, parked=115, walking=35, kinds=KindShares(truck=0.05)),
 )
 
 _HILLS = Recipe(
@@ -120,7 +120,7 @@ _HILLS = Recipe(
     streets=StreetRules(
         dropped=0.15, bend_m=14, main_lanes=1, main_routes=2, widened=6, parking_share=0.85, signal_share=0.2
     ),
-    demand=Demand(driving=85, parked=280, walking=35),
+    demand=Demand(driving=85, parked=450, walking=35),
 )
 
 _INDUSTRY = Recipe(
@@ -140,7 +140,7 @@ _INDUSTRY = Recipe(
         parking_share=0.8,
         parking_width_m=2.6,
     ),
-    demand=Demand(driving=100, parked=260, walking=20, kinds=KindShares(car=0.55, van=0.18, truck=0.20, cyclist=0.03)),
+    demand=Demand(driving=100, parked=305, walking=20, kinds=KindShares(car=0.55, van=0.18, truck=0.20, cyclist=0.03)),
 )
 
 _BOULEVARDS = Recipe(
@@ -160,7 +160,7 @@ _BOULEVARDS = Recipe(
         signal_share=0.8,
         sidewalk_width_m=4.2,
     ),
-    demand=Demand(driving=120, parked=480, walking=90, kinds=KindShares(bus=0.02, cyclist=0.08)),
+    demand=Demand(driving=120, parked=595, walking=90, kinds=KindShares(bus=0.02, cyclist=0.08)),
 )
 
 RECIPES: dict[str, Recipe] = {

@@ -81,7 +81,7 @@ class PropDensities(BaseModel):
     glass_bank: Range | None = Field(default=None, description="rows of containers for glass [per 100 m]")
     barrier: Range | None = Field(default=None, description="boards and cones of building sites [per 100 m]")
     scooter: Range | None = Field(default=None, description="parked motor scooters [per 100 m]")
-    utility_pole: Range | None = Field(default=None, description="wooden poles of telephone lines [per 100 m]")
+    utility_pole: Range | None = Field(default=None, description="wooden poles of overhead lines [per 100 m]")
     advertising_pillar: Range | None = Field(default=None, description="round pillars for posters [per 100 m]")
 
 
@@ -104,7 +104,7 @@ class EnvironmentConfig(BaseModel):
     setback: Range = Field(
         default=(0.85, 1.25), description="distance of façades from the pavement over the style's own [1]"
     )
-    vegetation: Range = Field(default=(0.4, 1.4), description="trees and bushes over the style's own [1]")
+    vegetation: Range = Field(default=(0.6, 1.6), description="trees and bushes over the style's own [1]")
 
     def draw(self, rng: np.random.Generator) -> Environment:
         """Return one environment; `rng` is the source of every choice."""

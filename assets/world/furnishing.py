@@ -13,6 +13,7 @@ from assets.world import furniture, roadside, street_life
 from assets.world.environment import Environment
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
+from assets.world.lines import overhead_lines
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights
 from assets.world.styles import TownStyle
@@ -63,7 +64,6 @@ _PROPS: dict[str, _Prop] = {
     "glass_bank": _Prop(roadside.glass_banks, 0.06, 0.05, "behind", 2.0),
     "barrier": _Prop(roadside.barrier, 0.2, 0.08, "kerb", 2.0, 1.6),
     "scooter": _Prop(roadside.scooter, 0.5, 0.1, "back", 0.75),
-    "utility_pole": _Prop(roadside.utility_pole, 0.1, 0.5, "back", 0.35),
     "advertising_pillar": _Prop(lambda _: roadside.advertising_pillar(), 0.12, 0.0, "back", 0.8, 2.6),
 }
 
@@ -72,10 +72,11 @@ def furnish(
     edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, environment: Environment,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """All loose props of the pavements; `stand_z` gives the height of whatever ground is at a point."""
+    """Overhead lines and loose props of the pavements; `stand_z` gives the height of whatever ground is at a point."""
     walkable_m = float(np.count_nonzero(edge.pavement_m > _NARROWEST_M))  # a point a metre
     busy = style.shop_share > _BUSY_SHOP_SHARE
-    parts = []
+    poles = environment.density("utility_pole", 0.2 if busy else 0.8)
+    parts = [overhead_lines(edge, blocked, stand_z, int(rng.poisson(poles * walkable_m / 100)), rng)]
     for kind, prop in _PROPS.items():
         density = environment.density(kind, prop.busy if busy else prop.quiet)
         wanted = int(rng.poisson(density * walkable_m / 100))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from assets.mesh import Mesh
+from assets.world import polylines
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
@@ -26,6 +27,8 @@ _BED_SIGHT_M = 8.0  # around crossroads nothing grows, for drivers' sight
 _TALL_SHARE = 0.6
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
+_WOODS_ROWS_M = (2.5, 8.0, 14.0)  # distances from the border of the land
+_WOODS_GAP_M = 6.5
 
 
 def trees_mesh(
@@ -33,13 +36,14 @@ def trees_mesh(
     style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """Street trees, garden trees and shrubs, beds along the streets, and trees on open land."""
+    """Street trees, garden trees and shrubs, beds along the streets, thickets on open land, and woods around it."""
     return Mesh.merge(
         [
             _street_trees(edge, blocked, stand_z, style, rng),
             _garden_plants(plots, blocked, stand_z, style, rng),
             _beds(edge, blocked, stand_z, style, rng),
             _open_land(bounds, blocked, stand_z, style, rng),
+            _woods(bounds, blocked, stand_z, rng),
         ]
     )
 
@@ -141,14 +145,38 @@ def _tall(rng: np.random.Generator) -> list[Mesh]:
 def _open_land(
     bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator
 ) -> Mesh:
-    """Loose groups of trees between and around the blocks."""
+    """Loose groups of trees with shrubs below them between and around the blocks."""
     area = float(np.prod(bounds[1] - bounds[0]))
     count = int(min(_OPEN_LAND_MOST, area * _OPEN_LAND_PER_M2) * style.wild_trees)
     groups = rng.uniform(bounds[0] + 4.0, bounds[1] - 4.0, (max(1, count // 3), 2))
     spots = np.repeat(groups, 3, axis=0) + rng.normal(0.0, 6.0, (len(groups) * 3, 2))
     spots = np.clip(spots, bounds[0] + 2.0, bounds[1] - 2.0)
     templates = _mixed(rng, max(style.conifer_share, 0.15), 48, fine=False)
-    return _scatter(templates, _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng)
+    below = spots + rng.normal(0.0, 3.0, spots.shape)
+    below = np.clip(below, bounds[0] + 2.0, bounds[1] - 2.0)
+    return Mesh.merge(
+        [
+            _scatter(templates, _rooted(spots, 2.5, 4.2, 2.2, blocked), stand_z, rng),
+            _scatter(_tall(rng), _rooted(below, 1.8, 3.0, 1.0, blocked), stand_z, rng),
+        ]
+    )
+
+
+def _woods(bounds: np.ndarray, blocked: Obstacles, stand_z: Heights, rng: np.random.Generator) -> Mesh:
+    """Rows of tall trees along the border of the land: the skyline of what lies beyond."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * (bounds[1] - bounds[0])
+    ring = bounds[0] + corners
+    spots = []
+    for inset in _WOODS_ROWS_M:
+        station = np.arange(rng.uniform(0, _WOODS_GAP_M), polylines.stations(ring)[-1], _WOODS_GAP_M)
+        spot = polylines.at(ring, station) + rng.normal(0.0, 1.5, (len(station), 2))
+        spots.append(np.clip(spot, bounds[0] + inset, bounds[1] - inset))
+    templates = [
+        broadleaf(rng, height, (height * 0.3, height * 0.3), height * 0.1, 48, fine=False)
+        for height in rng.uniform(12.0, 19.0, _VARIANTS)
+    ]
+    templates += [conifer(rng, height, height * 0.2) for height in rng.uniform(14.0, 22.0, _VARIANTS // 2)]
+    return _scatter(templates, _rooted(np.concatenate(spots), 4.0, 6.0, 1.8, blocked), stand_z, rng)
 
 
 def _mixed(rng: np.random.Generator, conifer_share: float, clusters: int, *, fine: bool = True) -> list[Mesh]:

@@ -11,6 +11,8 @@ from assets.mesh import Mesh
 from assets.shapes import box, cylinder, extrude, tube
 from assets.world.furniture import pole
 
+_INSULATORS_M = (-0.65, -0.3, 0.3, 0.65)  # across the line
+
 
 def trailer(rng: np.random.Generator) -> Mesh:
     """A car's trailer on two wheels and its drawbar: open, under a tarpaulin, or a box."""
@@ -84,8 +86,14 @@ def utility_pole(rng: np.random.Generator) -> Mesh:
     """A wooden pole of a telephone or power line, with a crossarm and its insulators."""
     tall = float(rng.uniform(7.0, 9.5))
     parts = [pole(0.15, 0.10, tall, "wood", 7), box((0.10, 1.5, 0.10), (0, 0, tall - 0.45), "wood")]
-    parts += [pole(0.04, 0.03, 0.16, "plastic_dark", 5).moved((0, y, tall - 0.4)) for y in (-0.65, -0.3, 0.3, 0.65)]
+    parts += [pole(0.04, 0.03, 0.16, "plastic_dark", 5).moved((0, y, tall - 0.4)) for y in _INSULATORS_M]
     return Mesh.merge(parts)
+
+
+def insulators(utility_pole: Mesh) -> np.ndarray:
+    """Upper ends (4, 3) of a utility pole's insulators [m]."""
+    top = float(utility_pole.bounds[1, 2]) - 0.24
+    return np.array([[0.0, y, top] for y in _INSULATORS_M])
 
 
 def advertising_pillar() -> Mesh:

@@ -19,6 +19,7 @@ from sensors.camera_view import CameraView
 from sensors.cameras import CameraRenderer, Content, Images, Light
 from sensors.cameras.cast_shadows import CastShadows
 from sensors.cameras.images import CONTENTS
+from sensors.cameras.texture import textured
 from sensors.scene import Instances
 
 _IMAGE_STREAM = 5  # random stream of the image noise, independent of the frame's other random numbers
@@ -93,6 +94,7 @@ class RigCameras:
                 pinhole = without_signals(pinhole, len(instances))
             if "colour" in self._contents[name]:
                 pinhole = self._shadows.onto(pinhole, pose, P, instances)
+                pinhole = textured(pinhole, camera.imaging.texture, pose, P, instances)
             distorted = pinhole if camera.lens is None else camera.lens.bent(pinhole)
             rng = np.random.default_rng([self._seed, int(frame), zlib.crc32(name.encode()), _IMAGE_STREAM])
             images[name] = camera.imaging.seen(distorted, rng)

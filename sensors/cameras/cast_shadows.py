@@ -65,7 +65,7 @@ class CastShadows:
         rows, columns = rows + top, columns + left
         is_ground = self._is_ground[images.rgba[rows, columns, 3]] & (images.instance[rows, columns] == 0)
         rows, columns, caster = rows[is_ground], columns[is_ground], caster[is_ground]
-        points = _points(rows, columns, images.depth_at(rows, columns), pose, P)
+        points = world_points(rows, columns, images.depth_at(rows, columns), pose, P)
         foot, normal = instances.poses[:, :3, 3], instances.poses[:, :3, 2]
         above = np.einsum("ij,ij->i", points - foot[caster], normal[caster])
         on_plane = np.abs(above) < _OFF_PLANE_M
@@ -126,7 +126,7 @@ class CastShadows:
         return fallen[ConvexHull(flat).vertices]
 
 
-def _points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
+def world_points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
     """World points (n, 3) of pixels with depths along the optical axis."""
     pixels = np.column_stack([u, v, np.ones(len(u))]) * depth_m[:, None] - P[:, 3]
     return np.linalg.solve(P[:, :3], pixels.T).T @ pose[:3, :3].T + pose[:3, 3]

@@ -1,4 +1,4 @@
-"""Image formation: exposure, vignetting, blur, shot noise and read noise."""
+"""Image formation: structure of surfaces, exposure, vignetting, blur, shot noise and read noise."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ from sensors.cameras.images import Images
 class Imaging(BaseModel):
     """A camera's imperfections; all of them are off by default.
 
-    They act on linear light, of which images hold the square root: L·2^ev·(1 − vignetting·r²), blurred, then counted in
-    electrons, whose variance is their number plus the square of the read noise (EMVA Standard 1288, release 4.0,
-    section 2.3), and cut at the full well.
+    `texture` multiplies the light of surfaces by reflectance fields that are fixed to them, the same as those of the
+    LiDAR sensor `kitti` (`sensors.cameras.texture`). The others act on linear light, of which images hold the square
+    root: s·L·2^ev·(1 − vignetting·r²) with s = `sky` in the sky and 1 elsewhere, blurred, then counted in electrons,
+    whose variance is their number plus the square of the read noise (EMVA Standard 1288, release 4.0, section 2.3), and
+    cut at the full well.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    texture: float = Field(
+        default=0.0, ge=0, le=5, description="structure of surfaces over that which LiDAR sensors see [1]"
+    )
+    sky: float = Field(default=1.0, ge=0, le=100, description="light of the sky over that of the renderer [1]")
     exposure_ev: float = Field(default=0.0, ge=-8, le=8, description="exposure compensation, positive is brighter [EV]")
     vignetting: float = Field(default=0.0, ge=0, le=1, description="loss of light in the corners [1]")
     blur_px: float = Field(default=0.0, ge=0, le=20, description="standard deviation of the blur [px]")
@@ -32,7 +38,7 @@ class Imaging(BaseModel):
     @property
     def does_nothing(self) -> bool:
         """Whether images stay as they are."""
-        return not (self.exposure_ev or self.vignetting or self.blur_px or self.full_well_e)
+        return not (self.sky != 1 or self.exposure_ev or self.vignetting or self.blur_px or self.full_well_e)
 
     def seen(self, images: Images, rng: np.random.Generator) -> Images:
         """Return the images with these imperfections; materials, instances and depths do not change.
@@ -45,6 +51,7 @@ class Imaging(BaseModel):
             return images
         light = np.square(images.rgba[..., :3].astype(np.float32) / 255.0)
         light *= np.float32(2.0**self.exposure_ev)
+        light[images.material == 0] *= np.float32(self.sky)
         if self.vignetting:
             light *= self._falloff(light.shape[:2])[..., None]
         if self.blur_px:

@@ -116,7 +116,7 @@ class Effect(BaseModel):
         """Raise ValueError if the parameters do not fit the beam pattern."""
         for parameter in self.parameters():
             count = len(getattr(self, parameter.name)) if parameter.per_ring else pattern.rings
-            if count != pattern.rings:
+            if count not in (pattern.rings, 0):  # optional lists may be empty
                 raise ValueError(
                     f"{parameter.name} has {count} entries but pattern {pattern.name} has {pattern.rings} lasers; "
                     "give one a laser"
@@ -292,6 +292,21 @@ def _for_all_axes(value: object) -> object:
 def per_ring(description: str, *, unit: str = "") -> Any:
     """Declare a required list with one value per laser; bounds are in the item's type."""
     return Field(description=description, min_length=1, max_length=256, json_schema_extra={"unit": unit})
+
+
+def laser_factors() -> Any:
+    """Declare an optional list of factors, one per laser; bounds are in the item's type."""
+    return Field(
+        default=(),
+        max_length=256,
+        description="f, noise of each laser over σ, ring 0 first; none: 1",
+        json_schema_extra={"unit": ""},
+    )
+
+
+def of_lasers(factors: tuple[float, ...], returns: Returns, shot: Shot) -> np.ndarray | float:
+    """Factor of each return's laser, (m,) float32; 1 without factors."""
+    return np.array(factors, np.float32)[shot.rays.ring[returns.beam]] if factors else 1.0
 
 
 def bounded(low: float, high: float) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -11,9 +12,10 @@ from assets.materials import MaterialTable
 from sensors.returns import Returns
 from sensors.shot import Shot
 
-Group = Literal["road", "ground", "vegetation", "building", "vehicle", "other"]
+Group = Literal["road", "ground", "vegetation", "building", "vehicle", "other", "verge"]
 _NAMES = {
     "ground": ("kerb", "paving", "cobble", "gravel", "grass", "soil"),
+    "verge": ("gravel", "grass", "soil"),  # part of ground
     "vegetation": ("bark", "foliage", "foliage_dark", "hedge"),
     "building": (
         *("plaster_white", "plaster_yellow", "plaster_grey", "plaster_red", "brick", "concrete", "stone"),
@@ -24,12 +26,12 @@ _NAMES = {
         *("tarpaulin", "cargo_box"),
     ),
 }
-GROUPS: tuple[Group, ...] = ("road", "ground", "vegetation", "building", "vehicle", "other")
+GROUPS: tuple[Group, ...] = ("road", "ground", "vegetation", "building", "vehicle", "other", "verge")
 
 
 def rows_of_group(group: Group, returns: Returns, shot: Shot) -> np.ndarray:
     """Rows (k,) of the returns from surfaces of a group; `other`: materials of no group except retro-reflectors."""
-    return np.flatnonzero(_membership(group, shot.hits.table)[returns.material] & (returns.instance >= -1))
+    return np.flatnonzero(group_members(group, shot.hits.table)[returns.material] & (returns.instance >= -1))
 
 
 def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
@@ -48,13 +50,19 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     angle = -instances.yaw_rate_radps[row] * time_s
     cos, sin = np.cos(angle), np.sin(angle)
     arm[:, 0], arm[:, 1] = cos * arm[:, 0] - sin * arm[:, 1], sin * arm[:, 0] + cos * arm[:, 1]
-    shift = np.array([zlib.crc32(name.encode()) % 4096 for name in instances.ids], float)[row]
-    points[rows] = np.einsum("nji,nj->ni", instances.poses[row, :3, :3], arm) + shift[:, None]
+    points[rows] = (
+        np.einsum("nji,nj->ni", instances.poses[row, :3, :3], arm) + shift_of_instance(instances.ids)[row, None]
+    )
     return points.astype(np.float32)
 
 
-def _membership(group: Group, table: MaterialTable) -> np.ndarray:
-    """(k,) bool by row of the material table."""
+def shift_of_instance(ids: Sequence[str]) -> np.ndarray:
+    """Shift (n,) of surfaces of the objects with these ids, along each of their axes [m]."""
+    return np.array([zlib.crc32(name.encode()) % 4096 for name in ids], float)
+
+
+def group_members(group: Group, table: MaterialTable) -> np.ndarray:
+    """Materials of a group, (k,) bool by row of the table."""
     road, retro = table.column("road"), table.column("retro")
     if group == "road":
         return road & ~retro

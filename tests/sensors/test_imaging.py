@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial import KDTree
 
+from assets.materials import material_index
+from sensors.cameras.cast_shadows import world_points
 from sensors.cameras.images import Images
 from sensors.cameras.imaging import Imaging
+from sensors.cameras.texture import textured
+from tests.sensors.worlds import instances
 
 
 def gray(level: int, shape: tuple[int, int] = (200, 300)) -> Images:
@@ -67,6 +72,53 @@ def test_noise_has_the_variance_of_its_electrons(level, read_noise_e):
 def test_the_same_generator_gives_the_same_noise():
     noisy = Imaging(full_well_e=1000)
     assert np.array_equal(noisy.seen(gray(90), rng()).rgb, noisy.seen(gray(90), rng()).rgb)
+
+
+def test_only_the_sky_gets_brighter():
+    images = gray(60)
+    assert images.rgba is not None
+    images.rgba[:50, :, 3] = 0
+    found = light(Imaging(sky=4.0).seen(images, rng()))
+    assert found[:50].mean() == pytest.approx(4 * found[50:].mean(), rel=0.02)
+    assert found[50:].mean() == pytest.approx((60 / 255) ** 2, rel=1e-6)
+
+
+P = np.array([[200.0, 0, 150, 0], [0, 200.0, 100, 0], [0, 0, 1, 0]])
+AHEAD = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]])  # world from camera
+
+
+def ground(material: str = "asphalt") -> Images:
+    """A level surface below a camera at 1.5 m that looks along x, below the horizon."""
+    images = gray(100)
+    assert images.rgba is not None and images.inverse_depth is not None
+    images.rgba[..., 3] = 0
+    images.rgba[110:, :, 3] = material_index(material) + 1
+    depth = 1.5 * 200 / (np.arange(110, 200) - 100)
+    images.inverse_depth[:] = 0
+    images.inverse_depth[110:] = images.near_m / depth[:, None]
+    return Images(images.near_m, images.rgba, np.zeros((200, 300), np.uint16), images.inverse_depth)
+
+
+def test_structure_stays_on_the_ground_when_the_camera_moves():
+    """The light at a place is the same from two positions, and the sky has no structure."""
+    moved = AHEAD.copy()
+    moved[0, 3] = 0.6
+    nobody = instances([])
+    places, values = [], []
+    for pose in (AHEAD, moved):
+        rows, columns = np.nonzero(ground().depth_m > 0)
+        depth = ground().depth_at(rows, columns)
+        near = depth < 4
+        places.append(world_points(rows[near], columns[near], depth[near], pose, P))
+        values.append(np.log(light(textured(ground(), 1.0, pose, P, nobody))[rows[near], columns[near]]))
+    gap, other = KDTree(places[0]).query(places[1])
+    same = gap < 0.004
+    assert same.sum() > 100
+    assert np.corrcoef(values[0][other[same]], values[1][same])[0, 1] > 0.7
+    assert 0.1 < values[0].std() < 0.4
+    assert np.ptp(light(textured(ground(), 1.0, AHEAD, P, nobody))[:110]) == 0  # the sky has none
+    images = ground()
+    assert textured(images, 0.0, AHEAD, P, nobody) is images
 
 
 def test_values_have_bounds():

@@ -42,12 +42,16 @@ class _Field(EchoEffect):
     )
     cell_m: float = number("c, cell of the field; its features are 2 to 128 cells large", unit="m", ge=0.005, le=10)
 
+    @classmethod
+    def offset_of(cls, surfaces: Group) -> tuple[int, int, int]:
+        """Cells by which the field of a group is shifted."""
+        return cls.shift * (1 + GROUPS.index(surfaces)), cls.shift, 0
+
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns scaled by the reflectance at their places."""
         rows = rows_of_group(self.surfaces, returns, shot)
         places = points_on_surface(returns.take(rows), shot)
-        offset = (self.shift * (1 + GROUPS.index(self.surfaces)), self.shift, 0)
-        value = field_at(places, self.cell_m, offset)
+        value = field_at(places, self.cell_m, self.offset_of(self.surfaces))
         value += np.float32(self.skew) * np.minimum(value, 0)
         intensity = returns.intensity.copy()
         intensity[rows] *= np.exp(np.float32(self.sigma) * value)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.special import ndtr
 
 from sensors.effects.base import EchoEffect, Parameter, bounded
 from sensors.effects.phases import Phase
@@ -18,13 +20,15 @@ from sensors.shot import Shot
 class OwnSilhouette(EchoEffect):
     """Beams of laser `rings[k]` between the azimuths `from_deg[k]` and `to_deg[k]` meet the own vehicle and are lost.
 
-    `own_shadow` is the same with rectangles. A measured silhouette has curved bars with the world beyond them.
+    `own_shadow` is the same with rectangles. A measured silhouette has curved bars with the world beyond them. Its ends
+    move with load and vibration of the vehicle by up to a degree: in each scan both ends of every sector are drawn
+    from normal distributions about their means.
     """
 
     name: ClassVar = "own_silhouette"
     phase: ClassVar = Phase.DROPOUT
     channel: ClassVar = "drop"
-    equation: ClassVar = "lost where ring = rings[k] and from_deg[k] ≤ azimuth < to_deg[k]"
+    equation: ClassVar = "lost where ring = rings[k] and from_deg[k] + σε ≤ azimuth < to_deg[k] + σε', ε ~ N(0, 1)"
     reference: ClassVar = "silhouette of the vehicle in KITTI's scans: the same beams are lost in all of them"
     taxonomy: ClassVar = "sp9"
     confusable_with: ClassVar = ("random_dropout", "own_shadow")
@@ -34,6 +38,7 @@ class OwnSilhouette(EchoEffect):
     rings: tuple[int, ...] = Field(min_length=1, max_length=4096, description="lasers of the sectors, 0 on top")
     from_deg: bounded(-180, 180) = Field(description="right ends of the sectors, counter-clockwise from forward [°]")  # type: ignore[valid-type]
     to_deg: bounded(-180, 180) = Field(description="left ends of the sectors [°]")  # type: ignore[valid-type]
+    sigma_deg: float = Field(default=0.0, ge=0, le=10, description="σ, standard deviation of the ends of a sector [°]")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -61,12 +66,29 @@ class OwnSilhouette(EchoEffect):
 
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Return the returns that the vehicle does not hide."""
+        low, high = np.array(self.from_deg), np.array(self.to_deg)
+        shift = self.sigma_deg * rng.standard_normal((2, len(low)))
+        low = np.where(low > -180, low + shift[0], low)  # sectors continue across the rear
+        high = np.where(high < 180, high + shift[1], high)
+        hidden = self._of_sectors(returns, shot, lambda azimuth, k: (azimuth >= low[k]) & (azimuth < high[k]))
+        return returns.take(hidden == 0)
+
+    def expected(self, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
+        """Return all returns, and the probability of each that the vehicle does not hide it."""
+        width = max(self.sigma_deg, 1e-6)
+        low = np.array(self.from_deg) - 360.0 * (np.array(self.from_deg) <= -180)
+        high = np.array(self.to_deg) + 360.0 * (np.array(self.to_deg) >= 180)
+        hidden = self._of_sectors(
+            returns, shot, lambda azimuth, k: ndtr((azimuth - low[k]) / width) * ndtr((high[k] - azimuth) / width)
+        )
+        return returns, np.maximum(1 - hidden, 0)
+
+    def _of_sectors(self, returns: Returns, shot: Shot, share: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
+        """Sum (m,) over the sectors of each return's laser of `share` of azimuths [°] and the sector's number."""
         ring = shot.rays.ring[returns.beam]
+        total = np.zeros(len(returns))
         rows = np.flatnonzero(np.isin(ring, self.rings))
         azimuth = np.degrees(shot.rays.azimuth[returns.beam[rows]])
-        hidden = np.zeros(len(rows), bool)
-        for laser, low, high in zip(self.rings, self.from_deg, self.to_deg, strict=True):
-            hidden |= (ring[rows] == laser) & (azimuth >= low) & (azimuth < high)
-        kept = np.ones(len(returns), bool)
-        kept[rows] = ~hidden
-        return returns.take(kept)
+        for sector, laser in enumerate(self.rings):
+            total[rows] += np.where(ring[rows] == laser, share(azimuth, sector), 0)
+        return total

@@ -58,6 +58,50 @@ def test_a_zero_stays_zero_and_neighbours_are_anticorrelated() -> None:
     assert not zeros.intensity.any()
 
 
+def test_a_control_that_overshoots_makes_every_other_firing_brighter() -> None:
+    """Autocorrelation of an ARMA(1, 1) process; σ is the standard deviation whatever its coefficients."""
+    phi, theta, sigma = 0.6, 0.4, 0.01
+    bare, _ = shoot(sensor(), ROAD)
+    found, _ = shoot(sensor(effect("firing_noise", sigma=sigma, theta=theta, phi=phi, least=0)), ROAD)
+    noise = found.intensity - bare.intensity
+    assert noise.std() == pytest.approx(sigma, rel=0.03)
+    first = -(1 + theta * phi) * (theta + phi) / (1 + theta**2 + 2 * theta * phi)
+    for lag, expected in ((1, first), (2, -phi * first)):
+        apart = bare.beam[lag:] - bare.beam[:-lag] == lag
+        assert np.corrcoef(noise[:-lag][apart], noise[lag:][apart])[0, 1] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "column"),
+    [
+        ("firing_noise", {"sigma": 0.01, "theta": 0, "least": 0}, "intensity"),
+        ("range_tail", {"sigma_m": 0.02, "degrees": 90}, "range_m"),
+    ],
+)
+def test_factors_scale_the_noise_of_each_laser(name: str, parameters: dict[str, float], column: str) -> None:
+    factors = np.linspace(0.5, 2.0, 64)
+    bare, shot = shoot(sensor(), ROAD)
+    found, _ = shoot(sensor(effect(name, **parameters, factors=tuple(factors))), ROAD)
+    noise = getattr(found, column) - getattr(bare, column)
+    ring = shot.rays.ring[bare.beam]
+    lasers = np.unique(ring)
+    spread = np.array([noise[ring == laser].std() for laser in lasers])
+    np.testing.assert_allclose(spread, next(iter(parameters.values())) * factors[lasers], rtol=0.12)
+    with pytest.raises(ValueError, match="3 entries"):
+        effect(name, **parameters, factors=(1.0,) * 3).check(shot.pattern)
+
+
+def test_verges_are_rougher_than_pavements_of_the_same_ground() -> None:
+    grass, paving = (Scene(plane(material=material), no_model) for material in ("grass", "paving"))
+    rough = effect("surface_relief", surfaces="verge", coarse_sigma_m=0.03, coarse_m=0.1, fine_sigma_m=0, fine_m=0.02)
+    for scene, height_m in ((grass, 0.03), (paving, 0.0)):
+        bare, shot = shoot(sensor(), scene)
+        found, _ = shoot(sensor(rough), scene)
+        steep = shot.cos_incidence(bare) > 0.2
+        raised = ((bare.range_m - found.range_m) * shot.cos_incidence(bare))[steep]
+        assert raised.std() == pytest.approx(height_m, rel=0.3)
+
+
 def test_weak_signals_are_halved_at_the_lasers_signal() -> None:
     bare, _ = shoot(sensor(), ROAD)
     signal = float(bare.intensity[0])
