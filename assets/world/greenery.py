@@ -11,7 +11,7 @@ from assets.world import polylines
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights
+from assets.world.overlays import Heights, ribbons
 from assets.world.plots import BuildingPlot
 from assets.world.styles import TownStyle
 from assets.world.trees import broadleaf, bush, conifer, shrub
@@ -25,6 +25,13 @@ _BED_DEPTH_M = (1.0, 2.6)  # behind the pavement
 _BED_VERGE_M = 0.8  # from the kerb, where there is no pavement
 _BED_SIGHT_M = 8.0  # around crossroads nothing grows, for drivers' sight
 _TALL_SHARE = 0.6
+_KERB_STONE_M = 0.2  # from the carriageway to a verge
+_VERGE_PAVEMENT_M, _VERGE_PATH_M = 2.2, 1.4  # narrowest pavement with a verge; what is left to walk on
+_VERGE_WIDTH_M = (0.6, 1.8)
+_VERGE_RISE_M = 0.02
+_VERGE_STRETCH_M = 25.0  # mean length of stretches that are green or paved
+_VERGE_JUNCTION_M, _VERGE_STEP_M = 5.0, 1.6
+_ENTRANCE_STEPS, _ENTRANCE_GAP_M = 3, 12.0  # length of an entrance; mean distance
 _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
 _WOODS_ROWS_M = (2.5, 8.0, 14.0)  # distances from the border of the land
@@ -36,9 +43,10 @@ def trees_mesh(
     style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """Street trees, garden trees and shrubs, beds along the streets, thickets on open land, and woods around it."""
+    """Verges, street trees, garden trees and shrubs, beds along the streets, thickets on open land, and woods around it."""
     return Mesh.merge(
         [
+            _verges(edge, stand_z, style, rng),
             _street_trees(edge, blocked, stand_z, style, rng),
             _garden_plants(plots, blocked, stand_z, style, rng),
             _beds(edge, blocked, stand_z, style, rng),
@@ -110,6 +118,22 @@ def _garden_plants(
             _scatter(_low(rng), _rooted(bushes, 0.7, 1.3, 0.6, blocked), stand_z, rng),
         ]
     )
+
+
+def _verges(edge: Kerbside, stand_z: Heights, style: TownStyle, rng: np.random.Generator) -> Mesh:
+    """Strips of grass between kerb and pavement, with gaps where gardens and crossings are entered."""
+    has_room = (edge.pavement_m >= _VERGE_PAVEMENT_M) & (edge.junction_m > _VERGE_JUNCTION_M)
+    step_m = np.linalg.norm(np.diff(edge.point, axis=0), axis=1)
+    joined = has_room[:-1] & has_room[1:] & (np.diff(edge.run) == 0) & (step_m < _VERGE_STEP_M)
+    # Stretches of random length are green or paved; an entrance interrupts a green one.
+    stretch = np.cumsum(rng.random(len(joined)) < 1 / _VERGE_STRETCH_M)
+    is_green = rng.random(stretch.max(initial=0) + 1) < style.verge_share
+    starts = rng.random(len(joined)) < 1 / _ENTRANCE_GAP_M
+    is_entrance = np.convolve(starts, np.ones(_ENTRANCE_STEPS))[: len(joined)] > 0
+    rows = np.flatnonzero(joined & is_green[stretch] & ~is_entrance)
+    width_m = np.clip(edge.pavement_m - _VERGE_PATH_M, *_VERGE_WIDTH_M)
+    middle = edge.spots(_KERB_STONE_M + width_m / 2)
+    return ribbons(middle[rows], middle[rows + 1], width_m[rows], lambda xy: stand_z(xy) + _VERGE_RISE_M, "grass")
 
 
 def _beds(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator) -> Mesh:

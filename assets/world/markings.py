@@ -1,6 +1,8 @@
-"""Paint on the road: lane and centre lines, stop lines, zebra crossings, bay marks; and what lies in it."""
+"""Paint on the road: lane and centre lines, stop lines, crossings, bay marks; and what lies in it."""
 
 from __future__ import annotations
+
+from zlib import crc32
 
 import numpy as np
 import shapely
@@ -17,6 +19,9 @@ _LINE_M = 0.12
 _SOLID_BEFORE_STOP_M = 14.0
 _BAY_M = 6.0
 _STOP_LINE_M, _YIELD_TOOTH_M = 0.40, 0.5
+_CENTRE_LINE_MPS = 9.0  # streets with a lower speed limit have no centre line (Germany: StVO § 45 (1c), zones of 30 km/h)
+_SIGNAL_M = 15.0  # from a crossing with signals to a stop line
+_ONE_ZEBRA_OF = 4  # crossings without signals; the others are not painted
 
 Pieces = tuple[np.ndarray, np.ndarray, np.ndarray]  # starts, ends, widths
 
@@ -26,7 +31,7 @@ def markings_mesh(streets: Streets, carriageway: Geometry, height: Heights) -> M
     pieces = [
         *_lane_lines(streets, carriageway),
         *(_stop_line(stop, _lane_width(streets, stop)) for stop in streets.stop_lines),
-        *(_zebra(lane) for lane in streets.lanes if lane.use == "crossing"),
+        *_crossings(streets),
         *(_bay_marks(bay.centre, bay.width_m) for bay in streets.parking),
     ]
     if not pieces:
@@ -82,6 +87,8 @@ def _lane_lines(streets: Streets, carriageway: Geometry) -> list[Pieces]:
             )
         line = polylines.offset(lanes[-1].centre, inward * lanes[-1].width_m / 2)
         middle = shapely.Point(polylines.at(line, polylines.stations(line)[-1:] / 2)[0])
+        if len(lanes) == 1 and lanes[0].speed_mps < _CENTRE_LINE_MPS:
+            continue
         inside = shapely.contains(carriageway, middle) and shapely.distance(rim, middle) > 0.8
         if inside and (not centres or shapely.distance(np.array(centres), middle).min() > 0.8):
             centres.append(shapely.LineString(line))
@@ -115,6 +122,22 @@ def _stop_line(stop: StopLine, lane_width_m: float) -> Pieces:
         return _widths((middle - left * half)[None], (middle + left * half)[None], _STOP_LINE_M)
     begin = np.arange(-half, half - 0.3, 2 * _YIELD_TOOTH_M)[:, None]
     return _widths(middle + left * begin, middle + left * (begin + _YIELD_TOOTH_M), 0.3)
+
+
+def _crossings(streets: Streets) -> list[Pieces]:
+    """Broken lines along crossings with signals; zebra crossings at some of the others."""
+    signals = np.array([stop.position[:2] for stop in streets.stop_lines if stop.control == "signal"]).reshape(-1, 2)
+    pieces: list[Pieces] = []
+    for lane in streets.lanes:
+        if lane.use != "crossing":
+            continue
+        middle = polylines.at(lane.centre, polylines.stations(lane.centre)[-1:] / 2)
+        if np.linalg.norm(signals - middle[:, :2], axis=1).min(initial=np.inf) < _SIGNAL_M:
+            sides = (polylines.offset(lane.centre, side * lane.width_m / 2) for side in (-1.0, 1.0))
+            pieces += [_widths(*polylines.dashes(side, 0.5, 0.5)) for side in sides]
+        elif crc32(lane.id.encode()) % _ONE_ZEBRA_OF == 0:
+            pieces.append(_zebra(lane))
+    return pieces
 
 
 def _zebra(crossing: StreetLane) -> Pieces:

@@ -36,6 +36,7 @@ class TownStyle:
         garden_shrubs: shrubs in a plot, mean count.
         bed_gap_m: distance of shrub beds behind the pavement, or next to a street without one; 0 for none.
         climbers: share of houses with climbing plants on their walls.
+        verge_share: share of pavements with a strip of grass along the kerb.
     """
 
     setback_m: Range
@@ -63,6 +64,7 @@ class TownStyle:
     garden_shrubs: float = 1.0
     bed_gap_m: float = 40.0
     climbers: float = 0.15
+    verge_share: float = 0.3
 
     @property
     def terrace(self) -> bool:
@@ -99,6 +101,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=4.0,
         bed_gap_m=14.0,
         climbers=0.3,
+        verge_share=0.5,
     ),
     "hamlet": TownStyle(
         setback_m=(0.8, 6.0),
@@ -126,6 +129,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=4.0,
         bed_gap_m=14.0,
         climbers=0.35,
+        verge_share=0.6,
     ),
     "suburb": TownStyle(
         setback_m=(3.0, 6.5),
@@ -152,6 +156,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=5.0,
         bed_gap_m=14.0,
         climbers=0.25,
+        verge_share=0.5,
     ),
     "urban": TownStyle(
         setback_m=(0.25, 0.6),
@@ -179,6 +184,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=1.2,
         bed_gap_m=30.0,
         climbers=0.2,
+        verge_share=0.15,
     ),
     "industrial": TownStyle(
         setback_m=(5.0, 12.0),
@@ -205,6 +211,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=2.5,
         bed_gap_m=18.0,
         climbers=0.1,
+        verge_share=0.4,
     ),
     "boulevard": TownStyle(
         setback_m=(0.4, 3.0),
@@ -232,6 +239,7 @@ STYLES: dict[str, TownStyle] = {
         garden_shrubs=1.2,
         bed_gap_m=20.0,
         climbers=0.1,
+        verge_share=0.4,
     ),
 }
 
