@@ -56,11 +56,13 @@ class ParkingBay:
         id: SUMO parkingArea id.
         centre: (k, 3) float64 centre line of the strip, world metres.
         width_m: strip width.
+        is_space: a single lot with a direction of its own: from its rear to its front.
     """
 
     id: str
     centre: np.ndarray
     width_m: float
+    is_space: bool = False
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,8 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[VehicleModel] | No
         network = read_network(net)
         _demand_connected(recipe.name, network)
         lots = make_parking(plan, recipe.streets, _lane_lengths(network), rng)
-        write_xml(additional, "additional", write_vtypes(make_vtypes(models)) + write_parking(lots, recipe.streets))
+        parking = write_parking(lots, recipe.streets, network)
+        write_xml(additional, "additional", write_vtypes(make_vtypes(models)) + parking)
         write_xml(routes, "routes", make_demand(recipe.demand, network, lots, read_types((additional,)), rng))
         files = {"net-file": net.name, "additional-files": additional.name, "route-files": routes.name}
         write_xml(config, "configuration", configuration(files, recipe.demand))

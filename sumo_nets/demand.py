@@ -42,6 +42,9 @@ def make_demand(
 def _parked(demand: Demand, lots: tuple[Lot, ...], types: TypeTable, rng: np.random.Generator) -> list[str]:
     chosen = sorted(rng.permutation(len(lots))[: demand.parked].tolist())
     type_names = types.parked(len(chosen), rng)
+    slanted = [number for number, i in enumerate(chosen) if lots[i].is_slanted]
+    for number, name in zip(slanted, types.parked(len(slanted), rng, kind="car"), strict=True):
+        type_names[number] = name
     lines = []
     for number, lot in enumerate(lots[i] for i in chosen):
         lines += [

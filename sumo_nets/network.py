@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sumo_nets.parking import slanted_strip_m
 from sumo_nets.plan import Plan, Street, road_of
 from sumo_nets.polyline import beside, densify
 from sumo_nets.recipe import Recipe, StreetRules
@@ -116,8 +117,10 @@ def _edge(rules: StreetRules, plan: Plan, ground: TerrainHeights, street: Street
     if road.median_m > 0:
         xy = beside(np.column_stack([xy, np.zeros(len(xy))]), road.median_m / 2)[:, :2]
     lanes = [f'allow="pedestrian" width="{rules.sidewalk_width_m}"'] if road.sidewalk else []
-    if street.parking[0 if forward else 1]:
-        lanes.append(f'disallow="all" width="{rules.parking_width_m}"')
+    side = 0 if forward else 1
+    if street.parking[side]:
+        width_m = slanted_strip_m(rules) if street.slanted[side] else rules.parking_width_m
+        lanes.append(f'disallow="all" width="{width_m:g}"')
     allowed = _DRIVERS if road.bicycles else _DRIVERS.replace(" bicycle", "")
     lanes += [f'allow="{allowed}" width="{road.lane_width_m}"'] * road.lanes
     head = f'    <edge id="{plan.edge(street, forward)}" from="{plan.names[start]}" to="{plan.names[end]}"'

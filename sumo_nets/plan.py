@@ -46,6 +46,7 @@ class Street:
         shape: (k, 2) its middle line from start to end, world metres; the left edge of a one-way street.
         main: a main street, with more lanes and a higher limit.
         parking: parking strips on the right, driving from start to end and from end to start.
+        slanted: whether their bays are slanted.
         road: its cut where it is neither that of main nor of local streets; such a street is not changed.
     """
 
@@ -54,6 +55,7 @@ class Street:
     shape: np.ndarray
     main: bool = False
     parking: tuple[bool, bool] = (False, False)
+    slanted: tuple[bool, bool] = (False, False)
     road: Road | None = None
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _SHAPE_STEP_M = 10.0
 _SHORTEST_PARKING_STREET_M = 55.0
 _PARKING_RADIUS_M = 10.0  # no parking in tighter bends
+_SLANTED_RADIUS_M = 120.0  # no slanted parking in tighter bends
 
 
 def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
@@ -124,7 +125,13 @@ def _add_parking(plan: Plan, rules: StreetRules, rng: np.random.Generator) -> Pl
             chosen = street.parking
         elif length < _SHORTEST_PARKING_STREET_M or _tightest_radius_m(street.shape) < _PARKING_RADIUS_M:
             chosen = (False, False)
-        streets.append(replace(street, parking=(bool(chosen[0]), bool(chosen[1]))))
+        parking = bool(chosen[0]), bool(chosen[1])
+        slanted = (False, False)
+        can_slant = not street.main and street.road is None and _tightest_radius_m(street.shape) > _SLANTED_RADIUS_M
+        if rules.slanted_share > 0 and can_slant:
+            wide = rng.random(2) < rules.slanted_share
+            slanted = parking[0] and bool(wide[0]), parking[1] and bool(wide[1])
+        streets.append(replace(street, parking=parking, slanted=slanted))
     return replace(plan, streets=tuple(streets))
 
 

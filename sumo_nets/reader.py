@@ -147,7 +147,7 @@ def _space(area: ET.Element, space: ET.Element, number: int) -> ParkingBay:
     angle = math.radians(float(space.get("angle") or area.get("angle") or 0) - 90)
     ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
     centre = np.stack([front - size["length"] * ahead, front])
-    return ParkingBay(f"{area.get('id', '')}:{number}", centre, size["width"])
+    return ParkingBay(f"{area.get('id', '')}:{number}", centre, size["width"], is_space=True)
 
 
 def _stop_lines(edge: Any) -> list[StopLine]:

@@ -119,6 +119,10 @@ class StreetRules(_Part):
     main_parking_share: Share = Field(
         default=0.0, description="share of the sides of main streets with a parking strip"
     )
+    slanted_share: Share = Field(
+        default=0.0, description="share of the parking strips of local streets with slanted bays for cars"
+    )
+    slanted_deg: float = Field(default=60.0, ge=30, le=90, description="angle between slanted bays and the street")
     median_m: float = Field(
         default=0.0, ge=0, le=20, description="green between the two directions of a main street [m]"
     )

@@ -58,6 +58,7 @@ _SUBURB = Recipe(
         widened=6,
         parking_share=0.9,
         main_parking_share=0.35,
+        slanted_share=0.2,
         signal_share=0.3,
     ),
     demand=Demand(driving=85, parked=375, walking=40),
@@ -77,6 +78,7 @@ _RESIDENTIAL_GRID = Recipe(
         widened=6,
         parking_share=1.0,
         main_parking_share=0.35,
+        slanted_share=0.12,
         stop_share=0.8,
     ),
     demand=Demand(driving=95, parked=660, walking=60, kinds=KindShares(cyclist=0.10)),
@@ -139,6 +141,7 @@ _INDUSTRY = Recipe(
         local_speed_kmh=50,
         parking_share=0.8,
         parking_width_m=2.6,
+        slanted_share=0.2,
     ),
     demand=Demand(driving=100, parked=305, walking=20, kinds=KindShares(car=0.55, van=0.18, truck=0.20, cyclist=0.03)),
 )

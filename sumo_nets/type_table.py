@@ -48,9 +48,10 @@ class TypeTable:
         }
         return _draw(weights, count, rng, "moving of the requested kinds")
 
-    def parked(self, count: int, rng: np.random.Generator) -> list[str]:
-        """Return the types of parked vehicles."""
-        return _draw(self.weights[PARKED], count, rng, "that parks")
+    def parked(self, count: int, rng: np.random.Generator, kind: str | None = None) -> list[str]:
+        """Return the types of parked vehicles, of all kinds or one."""
+        weights = {t: w for t, w in self.weights[PARKED].items() if kind in (None, self.kinds[t])}
+        return _draw(weights, count, rng, "that parks")
 
     def walking(self, count: int, rng: np.random.Generator) -> list[str]:
         """Return the types of people on foot."""

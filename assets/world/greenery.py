@@ -43,7 +43,7 @@ def trees_mesh(
     style: TownStyle,
     rng: np.random.Generator,
 ) -> Mesh:  # fmt: skip
-    """Verges, street trees, garden trees and shrubs, beds along the streets, thickets on open land, and woods around it."""
+    """Verges, street trees, garden plants, beds along the streets, thickets on open land, and woods around it."""
     return Mesh.merge(
         [
             _verges(edge, stand_z, style, rng),

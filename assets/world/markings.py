@@ -9,7 +9,7 @@ import shapely
 from shapely import Geometry
 
 from assets.mesh import Mesh
-from assets.streets import StopLine, StreetLane, Streets
+from assets.streets import ParkingBay, StopLine, StreetLane, Streets
 from assets.world import polylines
 from assets.world.overlays import Heights, discs, ribbons
 
@@ -19,7 +19,7 @@ _LINE_M = 0.12
 _SOLID_BEFORE_STOP_M = 14.0
 _BAY_M = 6.0
 _STOP_LINE_M, _YIELD_TOOTH_M = 0.40, 0.5
-_CENTRE_LINE_MPS = 9.0  # streets with a lower speed limit have no centre line (Germany: StVO § 45 (1c), zones of 30 km/h)
+_CENTRE_LINE_MPS = 9.0  # no centre line below this limit (Germany, zones of 30 km/h: StVO § 45 (1c))
 _SIGNAL_M = 15.0  # from a crossing with signals to a stop line
 _ONE_ZEBRA_OF = 4  # crossings without signals; the others are not painted
 
@@ -32,7 +32,7 @@ def markings_mesh(streets: Streets, carriageway: Geometry, height: Heights) -> M
         *_lane_lines(streets, carriageway),
         *(_stop_line(stop, _lane_width(streets, stop)) for stop in streets.stop_lines),
         *_crossings(streets),
-        *(_bay_marks(bay.centre, bay.width_m) for bay in streets.parking),
+        *(_bay_marks(bay) for bay in streets.parking),
     ]
     if not pieces:
         return Mesh.empty()
@@ -148,8 +148,12 @@ def _zebra(crossing: StreetLane) -> Pieces:
     return _widths(middle - half, middle + half, 0.5)
 
 
-def _bay_marks(centre: np.ndarray, width_m: float) -> Pieces:
-    """Lines across a parking strip between its bays."""
+def _bay_marks(bay: ParkingBay) -> Pieces:
+    """Lines across a parking strip between its bays, or along both sides of a single space."""
+    centre, width_m = bay.centre, bay.width_m
+    if bay.is_space:
+        sides = np.stack([polylines.offset(centre, side * width_m / 2) for side in (-1.0, 1.0)])
+        return _widths(sides[:, 0, :2], sides[:, -1, :2], 0.1)
     station = np.arange(0.06, polylines.stations(centre)[-1], _BAY_M)
     middle, ahead = polylines.at(centre, station), polylines.headings(centre, station)
     half = ahead[:, ::-1] * [-1.0, 1.0] * (width_m / 2 - 0.05)

@@ -11,6 +11,7 @@ import numpy as np
 from cosim.traffic.motion.corners import corner_speed
 
 _ON_FOOT = ("pedestrian",)
+_ALONG_KERB_M = 4.5  # a shorter lot is slanted: a car does not fit along the kerb
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +151,7 @@ class Roads:
         for name in sorted(api.parkingarea.getIDList()):
             lane = api.parkingarea.getLaneID(name)
             lot = ParkingSpace(name, lane, api.parkingarea.getStartPos(name), api.parkingarea.getEndPos(name))
-            if lane in self.lanes:
+            if lane in self.lanes and lot.end_m - lot.start_m > _ALONG_KERB_M:
                 lots.setdefault(self.lanes[lane].edge, []).append(lot)
         for places in lots.values():
             places.sort(key=lambda lot: lot.start_m)

@@ -82,3 +82,13 @@ def test_those_of_the_reference_stand_three_to_six_metres_apart_in_their_bays():
     gaps = np.array(gaps)
     assert gaps.min() > 2.9
     assert np.mean(gaps < 6.1) > 0.5  # the rest are driveways
+
+
+def test_cars_in_slanted_lots_keep_the_angle_of_their_lots_and_stay_off_the_lane():
+    slanted = {lot.id for lot in read_town("town04").lots if lot.is_slanted}
+    assert slanted
+    parked = Kerb(BehaviourConfig(), "town04")
+    askew = np.abs(parked.yaw_deg()) > 30
+    assert askew.sum() > 20
+    assert np.allclose(parked.yaw_deg()[askew], -60, atol=3)
+    assert parked.corners_left_m()[askew].max() < 0.02
