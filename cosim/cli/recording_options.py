@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def add_recording(parser: argparse.ArgumentParser, *, path: bool = True) -> None:
     """The recording, and what its files do not say."""
     if path:
-        parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or Ouster capture")
+        parser.add_argument("recording", type=Path, metavar="RECORDING", help="folder of scans, bag or packet capture")
     parser.add_argument(
         "--scans", metavar="GLOB", help="file names of the scans in the folder, for example 'raw_*.bin'"
     )

@@ -245,7 +245,7 @@ class Comparison:
             return f"error {self.error:.3f}{floor}"
         worst = f"; worst: {self.slices[0]}" if self.slices else ""
         if next(iter(self.excess), "") == "spurious":
-            worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious points a frame"
+            worst = f"; worst: {self.totals.spurious / self.totals.frames:,.0f} spurious returns a frame"
         return f"error {self.error:.3f}{self._sources()}{worst}"
 
     def _sources(self) -> str:

@@ -52,7 +52,7 @@ class Sampling:
     map_validation_scans: int = 8  # scans of one map used for validation
     scans_each: int = 6  # scans per map used for fitting, if there are several maps
     validation_scans_each: int = 3  # scans per map used for validation, if there are several maps
-    apart: int = 6  # maximum distance of consecutive fitted scans, in scans: close enough to see the same surfaces
+    apart: int = 6  # length of the stretch of fitted scans over their number: close enough to see the same surfaces
     as_far: float = 0.9  # share of the longest distance travelled in such a stretch that the chosen stretch must reach
     most_beams: int = 4_300_000  # maximum number of beams in all scans of maps; each takes about 1 kB of memory
     cell_m: float = 5.0  # cell size of the static world

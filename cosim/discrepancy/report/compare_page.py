@@ -52,7 +52,7 @@ def budget_section(parts: Mapping[str, float], *, text: str, why: Mapping[str, s
 
 
 _SIDES = ("initial poses", "poses, objects and map aligned")
-_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious points"}
+_CHANNEL_WORDS = {"range": "ranges", "intensity": "intensities", "drop": "returns", "spurious": "spurious returns"}
 _WHY = {
     "missing": "effects that the sensor model does not have; the command above identifies them",
     "unexplained": "remains with poses, objects and map aligned, which are never known exactly",

@@ -1,4 +1,4 @@
-"""Acceptance of a calibration: recommended only if the error of untouched scans falls significantly."""
+"""Acceptance of a calibration: recommended only if the error of held-out scans falls significantly."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.recordings.calibration.rounds import Round
-from cosim.recordings.calibration.untouched import Change, Scores, change_between, read_scores
+from cosim.recordings.calibration.held_out import Change, Scores, change_between, read_scores
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.odometry import Trajectory
 
-SCORES = "untouched.npz"  # of each round: models `given` and `accepted`
+SCORES = "held_out.npz"  # of each round: models `given` and `accepted`
 _SHORT_M = 10.0  # length of path on which few surfaces are seen at different ranges
 _ONE_SPEED = 0.05  # spread of speeds relative to their mean
 _STRAIGHT_DEG = 5.0  # range of headings
@@ -23,7 +23,7 @@ _STRAIGHT_DEG = 5.0  # range of headings
 
 @dataclass(frozen=True)
 class Transfer:
-    """Change of the error of untouched scans by a finding.
+    """Change of the error of held-out scans by a finding.
 
     Attributes:
         effect: its name.
@@ -47,7 +47,7 @@ class Acceptance:
     Attributes:
         is_recommended: whether the calibrated file is better than the one that the calibration began with.
         round: whose accepted file it is; 0 where the first file is kept.
-        change: of the error of untouched scans from the first file to the recommended one, or to that of the last
+        change: of the error of held-out scans from the first file to the recommended one, or to that of the last
             round where none is; None where it cannot be measured.
         reason: a sentence.
         transfers: of every finding, in order.
@@ -65,7 +65,7 @@ class Acceptance:
 
 
 def step_transfers(diagnosis: Diagnosis) -> list[Transfer]:
-    """Change of the error of untouched scans by each finding of a round, on the round's own map.
+    """Change of the error of held-out scans by each finding of a round, on the round's own map.
 
     A finding that moves points stays in any case: what it does shows in the next map, see `accept`.
     """
@@ -80,7 +80,7 @@ def step_transfers(diagnosis: Diagnosis) -> list[Transfer]:
 
 
 def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
-    """Choose the round whose accepted file has the least error of untouched scans, if any error falls beyond doubt.
+    """Choose the round whose accepted file has the least error of held-out scans, if any error falls beyond doubt.
 
     Args:
         folder: of the calibration.
@@ -96,7 +96,7 @@ def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
         change = changes[best]
         assert change is not None
         reason = (
-            f"the error of {change.scans} untouched scans falls by {_interval(-change.mean, -change.high, -change.low)}"
+            f"the error of {change.scans} held-out scans falls by {_interval(-change.mean, -change.high, -change.low)}"
         )
         return Acceptance(True, rounds[best].number, change, reason, transfers)
     return Acceptance(False, 0, changes[-1], _why_not(changes[-1], rounds), transfers)
@@ -123,14 +123,14 @@ def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
     if not any(one.findings or one.unknowns for one in rounds):
         return "no effect is missing from your file"
     if change is None:
-        message = "too few untouched scans can be compared (three are needed): record thirty scans or more"
+        message = "too few held-out scans can be compared (three are needed): record thirty scans or more"
     elif change.low > 0:
         message = (
-            f"the error of {change.scans} untouched scans rises by {_interval(change.mean, change.low, change.high)}"
+            f"the error of {change.scans} held-out scans rises by {_interval(change.mean, change.low, change.high)}"
         )
     else:
         message = (
-            f"the error of {change.scans} untouched scans changes by "
+            f"the error of {change.scans} held-out scans changes by "
             f"{_interval(change.mean, change.low, change.high)}, which includes no change"
         )
     limits = rounds[-1].limits

@@ -30,11 +30,11 @@ def headline(drives: Drives) -> str:
     else:
         message = f"None of {len(drives.differences)} numbers differs significantly between {count} drives."
     if drives.is_recommended:
-        return f"{message} All drives confirm the combined file on untouched scans: it is recommended."
+        return f"{message} All drives confirm the combined file on held-out scans: it is recommended."
     kept = [
         name for name, one in zip(drives.names, drives.calibrations, strict=True) if not one.acceptance.is_recommended
     ]
-    return f"{message} Keep your file: untouched scans of {', '.join(kept)} do not confirm it."
+    return f"{message} Keep your file: held-out scans of {', '.join(kept)} do not confirm it."
 
 
 def format_comparison(drives: Drives) -> str:

@@ -50,7 +50,7 @@ class Drives:
 
     @property
     def is_recommended(self) -> bool:
-        """Whether every drive confirms its calibration on untouched scans."""
+        """Whether every drive confirms its calibration on held-out scans."""
         return all(one.acceptance.is_recommended for one in self.calibrations)
 
     @property

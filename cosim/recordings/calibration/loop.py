@@ -36,7 +36,7 @@ from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
 from cosim.recordings.calibration.start import GUESSED, first_sensor
-from cosim.recordings.calibration.untouched import aligned_scores, write_scores
+from cosim.recordings.calibration.held_out import aligned_scores, write_scores
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.prepare import Prepared, prepare
@@ -236,7 +236,7 @@ def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> li
 def _write_accepted(
     diagnosis: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], folder: Path
 ) -> Path:
-    """Write the sensor without the findings that do not lower the error of untouched scans, and scores of both models.
+    """Write the sensor without the findings that do not lower the error of held-out scans, and scores of both models.
 
     Args:
         diagnosis: the diagnosis.

@@ -27,7 +27,7 @@ def headline(calibration: SensorCalibration) -> str:
         message = f"Keep your file, because {accepted.reason}."
     rejected = [one.effect for one in accepted.transfers if not one.is_accepted]
     if rejected:
-        message += f" Found, but not shown by untouched scans: {', '.join(dict.fromkeys(rejected))}."
+        message += f" Found, but not shown by held-out scans: {', '.join(dict.fromkeys(rejected))}."
     last, first = calibration.rounds[-1], calibration.rounds[0]
     if last.unexplained:
         message += f" {len(last.unexplained)} dependences stay unexplained."
@@ -85,9 +85,9 @@ def _facts(calibration: SensorCalibration) -> str:
             ("Recommended", "yes" if calibration.acceptance.is_recommended else "no: keep your file"),
             ("Sensor file to use", calibration.sensor_out.relative_to(calibration.folder).as_posix()),
             ("Rounds", f"{len(calibration.rounds)}" + ("" if calibration.settled else ", not settled")),
-            ("Aligned error of untouched scans, last round", f"{last.aligned_after:.2f}"),
+            ("Aligned error of held-out scans, last round", f"{last.aligned_after:.2f}"),
             ("Noise floor", floor),
-            ("Untouched scans across the map", held),
+            ("Held-out scans across the map", held),
         ]
     )
 
@@ -103,7 +103,7 @@ def _report(calibration: SensorCalibration) -> str:
     if change is not None:
         rows.append(
             [
-                "error of untouched scans, aligned, on the same beams",
+                "error of held-out scans, aligned, on the same beams",
                 f"{change.before:.3f}",
                 f"{change.after:.3f}",
                 f"change {change.mean:+.3f} ({change.low:+.3f} to {change.high:+.3f}), {change.scans} scans, "
@@ -122,7 +122,7 @@ def _report(calibration: SensorCalibration) -> str:
     if first.held_out_m is not None and last.held_out_m is not None:
         rows.append(
             [
-                "untouched scans across the map [mm]",
+                "held-out scans across the map [mm]",
                 f"{1000 * first.held_out_m:.1f}",
                 f"{1000 * last.held_out_m:.1f}",
                 "robust standard deviation",
@@ -158,7 +158,7 @@ def _report(calibration: SensorCalibration) -> str:
 
 
 def _transfers(calibration: SensorCalibration) -> str:
-    """Section with the findings that lower the error of untouched scans."""
+    """Section with the findings that lower the error of held-out scans."""
     rows = []
     for one in calibration.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
@@ -166,9 +166,9 @@ def _transfers(calibration: SensorCalibration) -> str:
         rows.append([one.effect, change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
     if not rows:
         return ""
-    heads = ["finding", "change of the error of untouched scans", "measured", "transfers"]
+    heads = ["finding", "change of the error of held-out scans", "measured", "transfers"]
     text = "A finding is in the recommended file only if the error of scans that took no part falls beyond doubt."
-    return section("What untouched scans confirm", table(heads, rows, words=(0, 1, 2, 3)), text=text)
+    return section("What held-out scans confirm", table(heads, rows, words=(0, 1, 2, 3)), text=text)
 
 
 def _advice(last: Round) -> str:
@@ -210,7 +210,7 @@ def _errors(calibration: SensorCalibration) -> str:
         plot.line(_numbers(calibration), np.array(values, float), style, dots=True)
     return figure(
         "Error by round",
-        "initial sensor of each round, on untouched scans: at the given poses (yellow; the map absorbs a part of "
+        "initial sensor of each round, on held-out scans: at the given poses (yellow; the map absorbs a part of "
         "missing effects), at fitted poses and surfaces (blue), and the noise floor (green)",
         plot.svg(),
     )

@@ -29,8 +29,8 @@ class Judgement:
     """Results of a round in addition to its diagnosis.
 
     Attributes:
-        transfers: what each finding does to untouched scans, see `acceptance.Transfer`.
-        accepted: file with the findings that lower the error of untouched scans, or that move points.
+        transfers: what each finding does to held-out scans, see `acceptance.Transfer`.
+        accepted: file with the findings that lower the error of held-out scans, or that move points.
         limits: what the path of the sensor does not vary, as predicates of the drive.
         sweep_scale: share of the motion in a sweep that points are freed of where no effect says it.
         directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
@@ -64,7 +64,7 @@ class Round(Judgement):
         error_after, aligned_after: of the one it ended with.
         budget: what the error is made of.
         thickness_ground_m, thickness_walls_m: of the map.
-        held_out_m: spread of untouched scans across the map.
+        held_out_m: spread of held-out scans across the map.
         moved: whether a finding moves points, so that a new map is needed.
         notes: a sentence each.
     """

@@ -1,4 +1,4 @@
-"""A twin of a recording: odometry, a map of surfels, what moves, untouched scans."""
+"""A twin of a recording: odometry, a map of surfels, what moves, held-out scans."""
 
 from cosim.recordings.mapping.twin import RecordingTwin, write_recording_twin
 

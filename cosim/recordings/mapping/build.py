@@ -1,4 +1,4 @@
-"""From scans and a trajectory to a map: surfels, poses refined on them, gravity, what moves, and untouched scans."""
+"""From scans and a trajectory to a map: surfels, poses refined on them, gravity, what moves, and held-out scans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A calibration is recommended only where the error of untouched scans falls beyond doubt."""
+"""A calibration is recommended only where the error of held-out scans falls beyond doubt."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cosim.recordings.calibration.acceptance import SCORES, accept
 from cosim.recordings.calibration.directions import direction_error
 from cosim.recordings.calibration.estimates import combine, differences
 from cosim.recordings.calibration.rounds import Round
-from cosim.recordings.calibration.untouched import change_between, read_scores, write_scores
+from cosim.recordings.calibration.held_out import change_between, read_scores, write_scores
 from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.pattern import load_pattern
 
@@ -59,7 +59,7 @@ def test_a_change_that_may_be_none_is_not_recommended(tmp_path: Path) -> None:
     found = accept(tmp_path, [made(tmp_path, 1, scores(), scores(-0.01, spread=0.1, seed=1))])
     assert not found.is_recommended and "includes no change" in found.reason
     few = accept(tmp_path / "b", [made(tmp_path / "b", 1, scores(scans=2), scores(-0.5, scans=2))])
-    assert not few.is_recommended and "too few untouched scans" in few.reason
+    assert not few.is_recommended and "too few held-out scans" in few.reason
 
 
 def test_the_best_round_is_chosen_not_the_last(tmp_path: Path) -> None:

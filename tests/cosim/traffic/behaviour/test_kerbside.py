@@ -80,7 +80,7 @@ def test_those_of_the_reference_stand_three_to_six_metres_apart_in_their_bays():
         subset.sort()
         gaps += [ahead - length - behind for (behind, _), (ahead, length) in pairwise(subset)]
     gaps = np.array(gaps)
-    assert gaps.min() > 2.9
+    assert gaps.min() > 2.85  # along the lane: the strip outside a bend is longer
     assert np.mean(gaps < 6.1) > 0.5  # the rest are driveways
 
 

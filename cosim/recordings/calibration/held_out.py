@@ -1,4 +1,4 @@
-"""Scores of sensor models on untouched scans, beam by beam, so that two models are compared on the same beams.
+"""Scores of sensor models on held-out scans, beam by beam, so that two models are compared on the same beams.
 
 Maps of points with different effects undone hold different surfaces, so that errors over all beams of each are not
 comparable: a map that loses its difficult places makes the error fall.
@@ -31,7 +31,7 @@ Scores = Mapping[str, Mapping[str, np.ndarray]]
 
 @dataclass(frozen=True)
 class Change:
-    """The change of the aligned error of untouched scans from one model to another, on beams that both compare.
+    """The change of the aligned error of held-out scans from one model to another, on beams that both compare.
 
     Attributes:
         before, after: means over the scans.
