@@ -8,10 +8,9 @@ from assets.mesh import Mesh
 from assets.models.box_body import BoxBody, Window, box_skin, hanging_mirrors
 from assets.models.catalogue import ModelSpec
 from assets.models.seats import plain_seat, seat
-from assets.models.wheels import four_wheels
-from assets.shapes import box, tube
+from assets.shapes import box, cylinder, tube
 
-_WHEEL_RADIUS_M = 0.34
+_WHEEL_RADIUS_M, _TREAD_M = 0.34, 0.13
 _SILL_M = 0.16
 _FLOOR_M = 0.62
 _ROOF_M = 3.02  # the pantograph and its insulators stand on it
@@ -55,7 +54,7 @@ def build_tram(spec: ModelSpec) -> Mesh:
             skin.whole(),
             skin.lining(0.40, length - 0.40, 0.05),
             *_saloon(spec, front, length),
-            four_wheels(spec, _WHEEL_RADIUS_M, 0.13, spokes=0),
+            *_wheels(spec),
             hanging_mirrors((front - 0.25, spec.width_m / 2, 2.30)),
             *_roof(spec, front),
         ]
@@ -95,9 +94,19 @@ def _saloon(spec: ModelSpec, front: float, length: float) -> list[Mesh]:
     ]
     double = plain_seat(0.84, 0.45)
     aside = inner / 2 - 0.44
-    for x in np.arange(front - _CAB_M - 0.55, 1.2 - front, -0.85):
+    for x in np.arange(front - _CAB_M - 0.55, 1.2 - front, -0.90):
         parts += [double.moved((x, side * aside, _FLOOR_M)) for side in (-1, 1)]
     return parts
+
+
+def _wheels(spec: ModelSpec) -> list[Mesh]:
+    """A wheelset in the middle of each bogie, standing on z = 0; the skirts show little of it."""
+    tread = cylinder(_WHEEL_RADIUS_M, _TREAD_M, "tyre", 12, "y")
+    return [
+        tread.moved((x, side * spec.track_m / 2 - _TREAD_M / 2, _WHEEL_RADIUS_M))
+        for x in (spec.front_axle_x_m, spec.rear_axle_x_m)
+        for side in (-1, 1)
+    ]
 
 
 def _roof(spec: ModelSpec, front: float) -> list[Mesh]:

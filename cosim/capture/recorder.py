@@ -226,9 +226,7 @@ class Recorder:
         )
         self._background.do(write)
 
-    def _with_seated(
-        self, others: Instances, bits: np.ndarray, position: np.ndarray
-    ) -> tuple[Instances, np.ndarray]:
+    def _with_seated(self, others: Instances, bits: np.ndarray, position: np.ndarray) -> tuple[Instances, np.ndarray]:
         """Append the persons that sit within sight of a position (3,) to the instances and their signal bits."""
         away = self._seated.poses[:, :3, 3] - position
         near = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) < self._sight_m)
