@@ -26,8 +26,8 @@ from cosim.drives.writer import DriveWriter
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
-from cosim.scene.seated import place_seated
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
+from cosim.scene.seated import place_seated
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors

@@ -233,7 +233,7 @@ class Traffic:
         return self._read()
 
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
-        """Give a vehicle that nears its destination another one, so that it keeps driving; taxis and trams have theirs."""
+        """Give a vehicle that nears its destination another one, so that it keeps driving; not taxis and trams."""
         if not self.dispatched(vehicle) and not self._users.on_rails(vehicle):
             self._routes.prolong(vehicle, rng)
 

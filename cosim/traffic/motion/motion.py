@@ -39,8 +39,8 @@ class Motion:
     """Smooths all road users step by step; all steps of an episode, warm-up included, must pass through it.
 
     Vehicles are rear-axle bicycles whose front bumpers follow SUMO's; where SUMO's position jumps sideways they move
-    over gradually; scripts override both. Trams keep both bogies on the line that SUMO's take. Who would touch another waits (`cosim.traffic.motion.guard`). People on foot
-    follow with limited acceleration. Parked vehicles do not move.
+    over gradually; scripts override both. Trams keep both bogies on the line that SUMO's take. Who would touch another
+    waits (`cosim.traffic.motion.guard`). People on foot follow with limited acceleration. Parked vehicles do not move.
 
     Args:
         step_s: SUMO's step length.

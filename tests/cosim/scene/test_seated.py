@@ -8,8 +8,8 @@ import shapely
 
 from assets import build_model
 from assets.models.pedestrian import HIP_BEHIND
-from assets.world.furnishing import furnish
 from assets.world.environment import Environment
+from assets.world.furnishing import furnish
 from assets.world.kerbside import kerbside
 from assets.world.obstacles import Obstacles
 from assets.world.plots import lay_out
@@ -37,7 +37,7 @@ def test_seats_are_surfaces_at_the_height_of_a_seat(furnished):
     assert len(seats) > 5
     hips = seats[:, :3, 3] + seats[:, :3, 0] * 0.05
     down = np.tile(np.array([[0, 0, -1]], np.float32), (len(seats), 1))
-    start = (hips + [0, 0, 0.62]).astype(np.float32)
+    start = (hips + np.array([0, 0, 0.62])).astype(np.float32)
     distance, triangle = Bvh(mesh).first_hit(start, down, np.full(len(seats), 1.0, np.float32))
     assert (triangle >= 0).all()
     height = 0.62 - distance

