@@ -122,6 +122,8 @@ _TABLE = (
     Material("lamp_red", 0.30, (1.0, 0.05, 0.04), glow=True),
     Material("lamp_amber", 0.30, (1.0, 0.50, 0.04), glow=True),
     Material("lamp_green", 0.30, (0.10, 0.95, 0.50), glow=True),
+    # tram tracks
+    Material("rail", 0.38, (0.36, 0.35, 0.34), metal=True, road=True),
 )
 
 

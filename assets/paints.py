@@ -76,9 +76,11 @@ PAINTS: dict[str, tuple[tuple[float, Paint], ...]] = {
     "van": _TRADE,
     "truck": _TRADE,
     "bus": _BUS,
+    "tram": _BUS,
     "motorcycle": _CAR,
     "cyclist": _CLOTHING,
     "pedestrian": _CLOTHING,
+    "person_sitting": _CLOTHING,
 }
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-LaneUse = Literal["drive", "cycle", "sidewalk", "crossing"]
+LaneUse = Literal["drive", "cycle", "tram", "sidewalk", "crossing"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class StreetLane:
         width_m: full width.
         speed_mps: speed limit.
         internal: true for a connection inside a junction.
+        tracks: whether rails of a tram lie in the lane.
     """
 
     id: str
@@ -31,6 +32,7 @@ class StreetLane:
     width_m: float
     speed_mps: float
     internal: bool
+    tracks: bool = False
 
 
 @dataclass(frozen=True)

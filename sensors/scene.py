@@ -20,7 +20,7 @@ class Instances:
 
     Attributes:
         ids: n identifiers.
-        kinds: n kinds (`car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist`, `pedestrian`).
+        kinds: n kinds (`car`, `van`, `truck`, `bus`, `tram`, `motorcycle`, `cyclist`, `pedestrian`, `person_sitting`).
         models: n model names.
         poses: (n, 4, 4) float64 world poses of the model frames (ground-level centre of the box, x forward).
         scales: (n, 3) float64 applied before the pose.

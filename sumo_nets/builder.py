@@ -48,6 +48,7 @@ def build_town(recipe: Recipe, folder: Path, models: Iterable[VehicleModel] | No
         from assets.models.catalogue import CATALOGUE
 
         models = _specs(CATALOGUE)
+    models = [model for model in models if model.kind != "tram" or recipe.demand.trams > 0]
     rng = np.random.default_rng(recipe.seed)
     with tempfile.TemporaryDirectory(prefix="town_") as temporary:
         workshop = Path(temporary)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sumo_nets.errors import TownError
 from sumo_nets.parking import Lot
 from sumo_nets.recipe import Demand
 from sumo_nets.type_table import TypeTable
@@ -26,7 +27,8 @@ def make_demand(
     """Return the lines of a route file.
 
     Drivers and cyclists wander through the town along lane connections, preferring streets that few have taken so far;
-    pedestrians walk from one sidewalk to another. Vehicle ids start with `veh` or `parked`, persons' with `ped`.
+    pedestrians walk from one sidewalk to another; trams follow their tracks. Vehicle ids start with `veh`, `parked` or
+    `tram`, persons' with `ped`.
 
     Args:
         demand: how many of each.
@@ -34,9 +36,14 @@ def make_demand(
         lots: places for the parked vehicles; no more are parked than fit.
         types: vehicle types to choose from.
         rng: source of every choice made here.
+
+    Raises:
+        TownError: trams are requested, but the network has no tracks on which they can drive on and on.
     """
     walking = _walking(demand, network, types, rng)
-    return walking + _parked(demand, lots, types, rng) + _driving(demand, network, types, rng)
+    parked, driving = _parked(demand, lots, types, rng), _driving(demand, network, types, rng)
+    trams = _trams(demand, network, types, rng)
+    return [*walking, *parked, *trams, *driving]  # in order of departure, as SUMO demands
 
 
 def _parked(demand: Demand, lots: tuple[Lot, ...], types: TypeTable, rng: np.random.Generator) -> list[str]:
@@ -60,7 +67,7 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     streets = [edge for edge in network.getEdges() if edge.allows("passenger")]
     type_names = types.driving(demand.kinds, demand.driving, rng)
     everywhere = {edge.getID(): _ways_on(edge) for edge in streets}
-    slow = _open_to_bicycles(everywhere, streets)
+    slow = _endless(everywhere, streets, "bicycle")
     taken = dict.fromkeys(everywhere, 0)
     width = {edge.getID(): float(np.sqrt(_capacity(edge))) for edge in streets}
     length_m = {edge.getID(): edge.getLength() for edge in streets}
@@ -82,6 +89,43 @@ def _driving(demand: Demand, network: Any, types: TypeTable, rng: np.random.Gene
     return lines
 
 
+def _trams(demand: Demand, network: Any, types: TypeTable, rng: np.random.Generator) -> list[str]:
+    """Trams on random routes along the tracks; they never turn round."""
+    if not demand.trams:
+        return []
+    tracks = [edge for edge in network.getEdges() if edge.allows("tram")]
+    onward = _endless({edge.getID(): _ways_of_trams(edge) for edge in tracks}, tracks, "tram")
+    if not onward:
+        raise TownError("the town has no loop of tram tracks; request no trams, or give it a tram_line")
+    type_names = types.trams(demand.trams, rng)
+    taken = dict.fromkeys(onward, 0)
+    length_m = {edge.getID(): edge.getLength() for edge in tracks}
+    names = sorted(onward)
+    starts = [names[i] for i in rng.permutation(len(names))]
+    lines = []
+    for number in range(demand.trams):
+        start, total_m = starts[number % len(starts)], demand.duration_s * _DRIVING_PACE_MPS
+        route = _wander(start, onward, taken, total_m, dict.fromkeys(onward, 1.0), length_m, rng)
+        lines += [
+            f'    <vehicle id="tram{number}" type="{type_names[number]}" depart="0" departLane="best" '
+            'departPos="random_free" departSpeed="0">',
+            f'        <route edges="{" ".join(route)}"/>',
+            "    </vehicle>",
+        ]
+    return lines
+
+
+def _ways_of_trams(edge: Any) -> list[str]:
+    """Return the edges a tram can reach from this one without turning round."""
+    ways = {
+        target.getID()
+        for target, links in edge.getOutgoing().items()
+        if target.getToNode() is not edge.getFromNode()
+        and any(link.getFromLane().allows("tram") and link.getToLane().allows("tram") for link in links)
+    }
+    return sorted(ways)
+
+
 def _ways_on(edge: Any) -> list[str]:
     """Return the edges a car can reach from this one; back the way it came only from a dead end."""
     ways = {
@@ -93,9 +137,9 @@ def _ways_on(edge: Any) -> list[str]:
     return onward or sorted(ways)
 
 
-def _open_to_bicycles(onward: dict[str, list[str]], streets: list[Any]) -> dict[str, list[str]]:
-    """Return the ways on for bicycles: streets open to them from which they never run out of such streets."""
-    open_ = {edge.getID() for edge in streets if edge.allows("bicycle")}
+def _endless(onward: dict[str, list[str]], streets: list[Any], vehicle_class: str) -> dict[str, list[str]]:
+    """Return the ways on of a vehicle class: streets open to it from which it never runs out of such streets."""
+    open_ = {edge.getID() for edge in streets if edge.allows(vehicle_class)}
     while True:
         ways = {name: [way for way in onward[name] if way in open_] for name in sorted(open_)}
         stuck = {name for name, subset in ways.items() if not subset}

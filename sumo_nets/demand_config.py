@@ -37,6 +37,13 @@ class DemandConfig(BaseModel):
         default=(0.0, 0.05),
         description="share of the parked vehicles with a person next to them [1]",
     )
+    sitting: Annotated[Range, AfterValidator(_a_share)] = Field(
+        default=(0.0, 0.1),
+        description="share of the seats of benches, café tables and bus shelters with a person on them [1]",
+    )
+    trams: CountRange | None = Field(
+        default=None, description="trams in a town with tram tracks; none: as usual in the town"
+    )
     kinds: KindShares | None = Field(
         default=None, description="mean shares of the kinds on the move; none: the town's own"
     )
@@ -71,4 +78,6 @@ class DemandConfig(BaseModel):
         shares = (self.kinds or usual.kinds).model_dump()
         spread = np.exp(rng.normal(0.0, self.kind_spread, len(shares)))
         types = {kind: shares[kind] * (1.0 if kind == "car" else s) for kind, s in zip(shares, spread, strict=True)}
+        if self.trams is not None and usual.trams > 0:
+            counts["trams"] = draw_count(self.trams, rng)
         return usual.model_copy(update={**counts, "kinds": KindShares(**types)})

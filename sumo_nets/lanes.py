@@ -10,6 +10,7 @@ from assets.streets import LaneUse
 
 _DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
 _DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
+TRAMS = frozenset({"tram", "rail_urban"})
 _FARTHEST_M = 4e7
 
 
@@ -27,7 +28,7 @@ def points(shape: Any) -> np.ndarray:
 
 
 def use_of(edge: Any, lane: Any) -> LaneUse | None:
-    """Return the road users of a sumolib lane, None for lanes of trains etc."""
+    """Return the road users of a sumolib lane, None for lanes of trains, ships etc."""
     allowed = set(lane.getPermissions())
     if edge.getFunction() == "crossing":
         return "crossing"
@@ -35,4 +36,12 @@ def use_of(edge: Any, lane: Any) -> LaneUse | None:
         return "drive"
     if "pedestrian" in allowed:
         return "sidewalk"
-    return "cycle" if "bicycle" in allowed else None
+    if "bicycle" in allowed:
+        return "cycle"
+    return "tram" if allowed & TRAMS else None
+
+
+def has_tracks(lane: Any) -> bool:
+    """Whether a sumolib lane is meant for trams; a lane that is open even to ships has no restriction at all."""
+    allowed = set(lane.getPermissions())
+    return bool(allowed & TRAMS) and "ship" not in allowed

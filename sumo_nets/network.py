@@ -123,6 +123,8 @@ def _edge(rules: StreetRules, plan: Plan, ground: TerrainHeights, street: Street
         lanes.append(f'disallow="all" width="{width_m:g}"')
     allowed = _DRIVERS if road.bicycles else _DRIVERS.replace(" bicycle", "")
     lanes += [f'allow="{allowed}" width="{road.lane_width_m}"'] * road.lanes
+    if plan.edge(street, forward) in plan.tracks:
+        lanes[-1] = lanes[-1].replace(allowed, f"{allowed} tram")
     head = f'    <edge id="{plan.edge(street, forward)}" from="{plan.names[start]}" to="{plan.names[end]}"'
     head += f' priority="{road.priority}" numLanes="{len(lanes)}" speed="{road.speed_kmh / 3.6:.2f}"'
     head += f' shape="{_points(xy, ground.height(xy))}">'

@@ -81,6 +81,7 @@ class Plan:
         links: lane connections that do not either.
         closed: prohibited turns from one edge to another.
         radii: turning radius of corners [m] at junctions that are wider than others.
+        tracks: edges with tram tracks in their innermost lane.
     """
 
     names: tuple[str, ...]
@@ -90,6 +91,7 @@ class Plan:
     links: tuple[Link, ...] = ()
     closed: tuple[tuple[str, str], ...] = ()
     radii: Mapping[str, float] = field(default_factory=dict)
+    tracks: frozenset[str] = frozenset()
 
     def arms(self, main_only: bool = False) -> np.ndarray:
         """Return how many (main) streets meet at each junction, (n,) int."""

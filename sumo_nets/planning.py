@@ -35,7 +35,7 @@ def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
         workshop: folder for netgenerate's files.
 
     Raises:
-        TownError: netgenerate refused the layout.
+        TownError: netgenerate refused the layout, or the tram line needs a street that does not exist.
     """
     if isinstance(recipe.layout, RingRoadLayout):
         plan = ring_road(recipe.layout, recipe.streets)
@@ -46,7 +46,8 @@ def make_plan(recipe: Recipe, rng: np.random.Generator, workshop: Path) -> Plan:
     plan = _bend(plan, recipe.streets, rng)
     plan = add_roundabouts(plan, recipe.streets)
     plan = ease_corners(plan)
-    return _widen(_add_parking(plan, recipe.streets, rng), recipe.streets)
+    plan = _widen(_add_parking(plan, recipe.streets, rng), recipe.streets)
+    return _lay_tracks(plan, recipe)
 
 
 def _graph(plan: Plan, streets: list[Street] | tuple[Street, ...]) -> csr_matrix:
@@ -145,6 +146,20 @@ def _widen(plan: Plan, rules: StreetRules) -> Plan:
         for i, street in enumerate(plan.streets)
     ]
     return replace(plan, streets=tuple(streets))
+
+
+def _lay_tracks(plan: Plan, recipe: Recipe) -> Plan:
+    """Lay the tracks of the tram line, in driving direction."""
+    line = recipe.tram_line
+    tracks = [f"{start}_{end}" for start, end in zip(line, (*line[1:], *line[:1]), strict=True)]
+    edges = {plan.edge(street, forward) for street in plan.streets for forward in (True, False)}
+    missing = [edge for edge in tracks if edge not in edges]
+    if missing:
+        raise TownError(
+            f"town {recipe.name!r}: tram_line needs the street {missing[0]!r}, which the layout does not have; choose "
+            "other junctions"
+        )
+    return replace(plan, tracks=frozenset(tracks))
 
 
 def _tightest_radius_m(shape: np.ndarray) -> float:

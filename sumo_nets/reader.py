@@ -13,13 +13,13 @@ import numpy as np
 from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
 from sumo_nets.errors import TownError
-from sumo_nets.lanes import points, use_of
+from sumo_nets.lanes import has_tracks, points, use_of
 from sumo_nets.outline import simple_outlines
 from sumo_nets.scenery import read_scenery
 from sumo_nets.xml_guard import read_xml
 
 _DEFAULT_PARKING_WIDTH_M = 3.2
-_RAIL = frozenset({"rail", "rail_urban", "rail_electric", "rail_fast", "tram", "subway", "cable_car"})
+_RAIL = frozenset({"rail", "rail_electric", "rail_fast", "subway", "cable_car"})
 _OFF_THE_ROAD = {"rail": _RAIL, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
 
 
@@ -56,7 +56,7 @@ def read_streets(name: str, net_path: Path, additional_paths: tuple[Path, ...], 
 
 
 def not_drawn(net_path: Path) -> tuple[str, ...]:
-    """A note with the number of edges without road users (railways etc.), if there are any."""
+    """A note with the number of edges without road users and trams (railways etc.), if there are any."""
     types: Counter[str] = Counter()
     for edge in read_xml(net_path, "net").iter("edge"):
         if edge.get("function"):
@@ -73,6 +73,7 @@ def not_drawn(net_path: Path) -> tuple[str, ...]:
 def _geometry(net: Any) -> tuple[list[StreetLane], list[StreetArea], list[StopLine]]:
     """Return lanes, areas and stop lines."""
     lanes, areas, stops = [], [], []
+    reversals = {link.getViaLaneID() for link in _links(net) if link.getDirection() == "t"}
     for edge in net.getEdges(withInternal=True):
         if edge.getFunction() == "walkingarea":
             areas += _areas(edge.getID(), "walkingarea", points(edge.getLanes()[0].getShape3D()))
@@ -81,7 +82,8 @@ def _geometry(net: Any) -> tuple[list[StreetLane], list[StreetArea], list[StopLi
             centre = points(lane.getShape3D())
             use = use_of(edge, lane)
             if use is not None:
-                lanes.append(_lane(edge, lane, use, centre))
+                tracks = has_tracks(lane) and lane.getID() not in reversals
+                lanes.append(_lane(edge, lane, use, centre, tracks))
             elif not lane.getPermissions():
                 areas += _areas(lane.getID(), "junction", polyline.strip(centre, lane.getWidth()))
         stops += _stop_lines(edge)
@@ -96,9 +98,14 @@ def _areas(name: str, use: Literal["junction", "walkingarea"], corners: np.ndarr
     return [StreetArea(f"{name}#{i}" if i else name, use, outline) for i, outline in enumerate(outlines)]
 
 
-def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray) -> StreetLane:
+def _links(net: Any) -> list[Any]:
+    return [link for edge in net.getEdges() for links in edge.getOutgoing().values() for link in links]
+
+
+def _lane(edge: Any, lane: Any, use: LaneUse, centre: np.ndarray, tracks: bool) -> StreetLane:
     internal = edge.getFunction() in ("internal", "crossing")
-    return StreetLane(lane.getID(), edge.getID(), use, centre, float(lane.getWidth()), float(lane.getSpeed()), internal)
+    size = float(lane.getWidth()), float(lane.getSpeed())
+    return StreetLane(lane.getID(), edge.getID(), use, centre, *size, internal, tracks)
 
 
 def _parking(path: Path, net: Any, left_hand: bool) -> list[ParkingBay]:

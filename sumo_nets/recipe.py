@@ -159,6 +159,7 @@ class Demand(_Part):
     driving: int = Field(default=100, ge=0, le=5000, description="vehicles on the move, bicycles among them")
     parked: int = Field(default=160, ge=0, le=5000, description="vehicles parked for the whole time")
     walking: int = Field(default=45, ge=0, le=5000, description="people on foot")
+    trams: int = Field(default=0, ge=0, le=100, description="trams, in addition to these vehicles")
     kinds: KindShares = KindShares()
     fill_s: float = Field(default=40.0, gt=0, description="time over which the vehicles enter")
     duration_s: float = Field(default=1800.0, gt=0, description="time for which the population is kept up")
@@ -175,4 +176,8 @@ class Recipe(_Part):
     )
     relief: Relief = Relief()
     streets: StreetRules = StreetRules()
+    tram_line: tuple[str, ...] = Field(
+        default=(),
+        description="junctions of a loop of tram tracks, in driving order; the tracks lie in the innermost lanes",
+    )
     demand: Demand = Demand()

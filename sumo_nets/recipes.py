@@ -163,7 +163,8 @@ _BOULEVARDS = Recipe(
         signal_share=0.8,
         sidewalk_width_m=4.2,
     ),
-    demand=Demand(driving=120, parked=595, walking=90, kinds=KindShares(bus=0.02, cyclist=0.08)),
+    tram_line=("B2", "C2", "D2", "D3", "C3", "B3"),
+    demand=Demand(driving=120, parked=595, walking=90, trams=6, kinds=KindShares(bus=0.02, cyclist=0.08)),
 )
 
 RECIPES: dict[str, Recipe] = {

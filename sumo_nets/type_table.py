@@ -15,6 +15,7 @@ from sumo_nets.vtypes import DRIVING, PARKED, WALKING
 from sumo_nets.xml_guard import read_xml
 
 _KIND_OF_CLASS = {"passenger": "car", "delivery": "van", "truck": "truck", "bus": "bus", "coach": "bus"}
+_KIND_OF_CLASS |= {"tram": "tram"}
 _KIND_OF_CLASS |= {"motorcycle": "motorcycle", "moped": "motorcycle", "bicycle": "cyclist", "pedestrian": "pedestrian"}
 
 Weights = Mapping[str, float]
@@ -57,6 +58,10 @@ class TypeTable:
         """Return the types of people on foot."""
         return _draw(self.weights[WALKING], count, rng, "of pedestrians")
 
+    def trams(self, count: int, rng: np.random.Generator) -> list[str]:
+        """Return the types of trams, each equally likely."""
+        return _draw({name: 1.0 for name, kind in self.kinds.items() if kind == "tram"}, count, rng, "of trams")
+
     def is_bicycle(self, name: str) -> bool:
         """Whether a type rides a bicycle."""
         return self.kinds[name] == "cyclist"
@@ -79,7 +84,7 @@ def read_types(paths: Iterable[Path]) -> TypeTable:
     }
     if not types:
         raise TownError("the town's additional files define no vType that cosim knows; add some, one for each kind")
-    vehicles = [name for name, kind in types.items() if kind != "pedestrian"]
+    vehicles = [name for name, kind in types.items() if kind not in ("pedestrian", "tram")]
     weights: dict[str, Weights] = {
         DRIVING: dict.fromkeys(vehicles, 1.0),
         PARKED: {name: 1.0 for name in vehicles if types[name] in ("car", "van")},

@@ -85,6 +85,8 @@ _BEHAVIOUR: dict[str, str] = {
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
     "bus": 'vClass="bus" accel="1.0" decel="4.0" sigma="0.4" tau="1.5" minGap="2.5" '
     'speedFactor="normc(0.92,0.06,0.75,1.05)"',
+    "tram": 'vClass="tram" accel="1.0" decel="2.0" sigma="0.2" tau="1.5" minGap="3.0" '
+    'speedFactor="normc(0.90,0.03,0.80,1.00)"',
     "motorcycle": 'vClass="motorcycle" accel="2.6" decel="6.0" sigma="0.5" tau="1.0" minGap="1.8" '
     'speedFactor="normc(1.05,0.10,0.80,1.40)"',
     "cyclist": 'vClass="bicycle" accel="1.2" decel="3.0" sigma="0.5" tau="1.0" minGap="0.8" '
@@ -92,16 +94,21 @@ _BEHAVIOUR: dict[str, str] = {
     "pedestrian": 'vClass="pedestrian" desiredMaxSpeed="1.35" speedFactor="normc(1.00,0.15,0.60,1.50)"',
 }
 
-_GUI_SHAPES = {"van": "delivery", "truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
+_GUI_SHAPES = {"van": "delivery", "truck": "truck", "bus": "bus", "tram": "rail/railcar", "motorcycle": "motorcycle"}
 _GUI_SHAPES |= {"cyclist": "bicycle", "pedestrian": "pedestrian"}
 _CAR_SHAPES = {"hatchback": "passenger/hatchback", "sedan": "passenger/sedan", "saloon": "passenger/sedan"}
 _CAR_SHAPES |= {"estate": "passenger/wagon", "wagon": "passenger/wagon"}
 
 
 def make_vtypes(models: Iterable[VehicleModel]) -> tuple[VType, ...]:
-    """Return one vehicle type per body and size, ordered by id; of cars, six sizes around each model's own."""
+    """Return one vehicle type per body and size, ordered by id; of cars, six sizes around each model's own.
+
+    Models of kinds that SUMO does not simulate (persons that sit) have none.
+    """
     counts: Counter[tuple[str, str, float, float, float]] = Counter()
     for m in models:
+        if m.kind not in _BEHAVIOUR:
+            continue
         for form in _CAR_FORMS if m.kind == "car" else (_AS_IT_IS,):
             size = np.round(np.multiply((m.length_m, m.width_m, m.height_m), form), 2 if form != _AS_IT_IS else 3)
             counts[(m.kind, m.body, *size.tolist())] += 1

@@ -33,7 +33,7 @@ class VehicleEntry(BaseModel):
     file: str = Field(description="path of the mesh, relative to the manifest: .glb, .gltf, .obj or .dae")
     kind: Kind = Field(
         validation_alias=AliasChoices("kind", "class"),
-        description="kind of road user: car, van, truck, bus, motorcycle, cyclist or pedestrian",
+        description="kind of road user: car, van, truck, bus, tram, motorcycle, cyclist, pedestrian or person_sitting",
     )
     name: str = Field("", pattern=r"^([A-Za-z0-9_][A-Za-z0-9_-]{0,63})?$", description="default: the file's stem")
     length_m: _Metres | None = Field(None, description="full length of the box [m]")

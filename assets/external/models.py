@@ -26,9 +26,11 @@ _BODIES: dict[Kind, Body] = {
     "van": "van",
     "truck": "truck",
     "bus": "bus",
+    "tram": "tram",
     "motorcycle": "motorcycle",
     "cyclist": "bicycle",
     "pedestrian": "pedestrian",
+    "person_sitting": "person_sitting",
 }
 MOST_STRETCH = 1.25
 
@@ -100,7 +102,7 @@ def _build(content: MeshFile, entry: VehicleEntry, file: Path) -> Mesh:
 def _spec(entry: VehicleEntry, mesh: Mesh) -> ModelSpec:
     length, width, height = (float(side) for side in np.ptp(mesh.bounds, axis=0))
     axles = find_axles(mesh, entry.kind)
-    walks = entry.kind == "pedestrian"
+    walks = entry.kind in ("pedestrian", "person_sitting")
     return ModelSpec(
         name=entry.name,
         kind=entry.kind,

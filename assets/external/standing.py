@@ -13,7 +13,7 @@ from assets.mesh import Mesh
 
 _ROWS = {"x": 0, "y": 1, "z": 2}
 _SMALLEST_M, _LARGEST_M = 0.2, 30.0
-_LONG = ("car", "van", "truck", "bus", "motorcycle", "cyclist")  # kinds that are longer than wide
+_LONG = ("car", "van", "truck", "bus", "tram", "motorcycle", "cyclist")  # kinds that are longer than wide
 
 
 def axes_matrix(forward: str, up: str) -> np.ndarray:

@@ -13,7 +13,8 @@ from assets.models.bus import build_bus
 from assets.models.car import build_car
 from assets.models.catalogue import Body, ModelSpec, model_spec
 from assets.models.motorcycle import build_motorcycle
-from assets.models.pedestrian import build_pedestrian
+from assets.models.pedestrian import build_pedestrian, build_person_sitting
+from assets.models.tram import build_tram
 from assets.models.truck import build_truck
 from assets.shapes import clean
 
@@ -25,9 +26,11 @@ _BUILDERS: dict[Body, Callable[[ModelSpec], Mesh]] = {
     "van": build_car,
     "truck": build_truck,
     "bus": build_bus,
+    "tram": build_tram,
     "motorcycle": build_motorcycle,
     "bicycle": build_bicycle,
     "pedestrian": build_pedestrian,
+    "person_sitting": build_person_sitting,
 }
 
 

@@ -5,8 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["car", "van", "truck", "bus", "motorcycle", "cyclist", "pedestrian"]
-Body = Literal["hatchback", "saloon", "estate", "suv", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian"]
+Kind = Literal["car", "van", "truck", "bus", "tram", "motorcycle", "cyclist", "pedestrian", "person_sitting"]
+Body = Literal[
+    "hatchback",
+    "saloon",
+    "estate",
+    "suv",
+    "van",
+    "truck",
+    "bus",
+    "tram",
+    "motorcycle",
+    "bicycle",
+    "pedestrian",
+    "person_sitting",
+]
 
 
 @dataclass(frozen=True)
@@ -20,7 +33,7 @@ class ModelSpec:
         length_m: full length of the box.
         width_m: full width of the box, mirrors included.
         height_m: full height of the box.
-        wheelbase_m: distance of the axles; 0 for a pedestrian.
+        wheelbase_m: distance of the axles (of the bogies of a tram); 0 for a person.
         front_axle_x_m: position of the front axle.
         rear_axle_x_m: position of the rear axle (of the rearmost axle group).
         track_m: distance between the wheel centres of an axle; 0 for single-track vehicles.
@@ -62,6 +75,7 @@ _SIZES: dict[Body, tuple[Kind, int, tuple[tuple[float, ...], ...]]] = {
     "van": ("van", 2, ((4.75, 1.85, 1.95, 0.88, 2.92, 1.55), (5.39, 1.95, 2.45, 0.95, 3.30, 1.64))),
     "truck": ("truck", 2, ((8.30, 2.50, 3.12, 1.25, 4.60, 2.05), (11.90, 2.60, 3.45, 1.35, 7.00, 2.10))),
     "bus": ("bus", 2, ((12.00, 2.55, 3.10, 2.70, 5.90, 2.12),)),
+    "tram": ("tram", 2, ((15.00, 2.40, 3.40, 3.40, 8.20, 1.435),)),
     "motorcycle": ("motorcycle", 2, ((2.10, 0.82, 1.66, 0.32, 1.42, 0.0),)),
     "bicycle": ("cyclist", 3, ((1.76, 0.60, 1.74, 0.34, 1.08, 0.0),)),
     "pedestrian": (
@@ -73,6 +87,7 @@ _SIZES: dict[Body, tuple[Kind, int, tuple[tuple[float, ...], ...]]] = {
             (0.92, 0.70, 1.87, 0.46, 0.0, 0.0),
         ),
     ),
+    "person_sitting": ("person_sitting", 2, ((0.80, 0.54, 1.28, 0.40, 0.0, 0.0), (0.84, 0.58, 1.36, 0.42, 0.0, 0.0))),
 }
 
 

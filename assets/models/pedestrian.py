@@ -1,4 +1,4 @@
-"""Pedestrians in mid-stride."""
+"""Pedestrians in mid-stride, and persons that sit."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from assets.mesh import Mesh
 from assets.models.catalogue import ModelSpec
 from assets.models.figure import Outfit, Pose, figure
 
+SEAT_M = 0.46  # height on which persons sit
+HIP_BEHIND = 0.29  # of the length: the hips of a person that sits behind the middle of the box
+_CROWN_M = 0.135  # above the centre of the head
 _WALK = Pose(
     pelvis=(0.0, 0.0, 0.925),
     neck=(0.03, 0.0, 1.45),
@@ -29,3 +32,26 @@ _STROLL = Pose(
 def build_pedestrian(spec: ModelSpec) -> Mesh:
     """Mesh of a walking person of about 1.76 m; the caller scales it to `spec`."""
     return figure((_WALK, _STROLL)[spec.variant])
+
+
+def build_person_sitting(spec: ModelSpec) -> Mesh:
+    """Mesh of a person on a seat, hands in the lap (variant 0) or on the seat (variant 1).
+
+    Hips and feet are at the height of a seat whatever the height of `spec`; the trunk makes the difference.
+    """
+    pelvis, head = SEAT_M + 0.10, spec.height_m - _CROWN_M
+    neck = head - 0.175
+    hands = (((0.24, 0.09, 0.70), (0.22, -0.10, 0.69)), ((0.10, 0.27, 0.60), (0.28, -0.13, 0.69)))[spec.variant]
+    ankles = (((0.41, 0.11, 0.09), (0.36, -0.11, 0.09)), ((0.30, 0.09, 0.09), (0.46, -0.10, 0.09)))[spec.variant]
+    return figure(
+        Pose(
+            pelvis=(0.0, 0.0, pelvis),
+            neck=(-0.06, 0.0, neck),
+            head=(-0.02, 0.0, head),
+            hands=hands,
+            ankles=ankles,
+            elbow_hint=(-1.0, 0.6, -0.3),
+            knee_hint=(0.6, 0.1, 1.0),
+            outfit=Outfit(sleeves=spec.variant == 0),
+        )
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class BuiltWorld:
         height: the sheet z = H(x, y), (n, 2) → (n,), on which the carriageway lies.
         bounds: (2, 2) lower and upper corner of the land, x and y.
         signals: heads of traffic signals, whose lamps are dark in the mesh.
+        seats: (k, 4, 4) poses of the seats of benches, tables and bus shelters: on the ground below the hips of a
+            person that sits, x ahead.
     """
 
     mesh: Mesh
@@ -49,6 +51,7 @@ class BuiltWorld:
     height: Sheet
     bounds: np.ndarray
     signals: tuple[SignalHead, ...] = ()
+    seats: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
 
 def build_world(
@@ -89,6 +92,7 @@ def build_world(
     repairs = repairs_mesh(streets, outlines.carriageway, base.height, rng)
     walls = buildings_mesh(houses, rng)
     props, signals = props_mesh(streets, edge, blocked, stand_z, style, rng)
+    furnishings, seats = furnish(edge, blocked, stand_z, style, environment, rng)
     parts = [
         ground,
         base.kerb_stones,
@@ -96,7 +100,7 @@ def build_world(
         repairs,
         walls,
         props,
-        furnish(edge, blocked, stand_z, style, environment, rng),
+        furnishings,
         trees_mesh(edge, plots, base.bounds, blocked, stand_z, style, rng),
         entrances_mesh(houses, stand_z, rng),
         climbers_mesh(houses, stand_z, style.climbers, rng),
@@ -110,4 +114,4 @@ def build_world(
         parts.append(hedgerow_trees(rows, blocked, stand_z, style, rng))
     parts.append(planted)
     parts.append(base.bridges)
-    return BuiltWorld(Mesh.merge(parts), ground, base.height, base.bounds, signals)
+    return BuiltWorld(Mesh.merge(parts), ground, base.height, base.bounds, signals, seats)

@@ -34,6 +34,7 @@ class _Prop:
         place: at the kerb, at the back of the pavement, at the kerb of corners, or behind the pavement.
         radius_m: room it takes.
         pavement_m: minimum width of the pavement.
+        seats: where persons can sit on it.
     """
 
     make: Callable[[np.random.Generator], Mesh]
@@ -42,16 +43,17 @@ class _Prop:
     place: Literal["kerb", "back", "corner", "behind"]
     radius_m: float
     pavement_m: float = 1.2
+    seats: tuple[furniture.Seat, ...] = ()
 
 
 _PROPS: dict[str, _Prop] = {
-    "bus_stop": _Prop(lambda _: furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3),
+    "bus_stop": _Prop(lambda _: furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3, seats=furniture.SHELTER_SEATS),
     "market_stall": _Prop(street_life.market_stall, 0.18, 0.0, "back", 1.4, 3.3),
-    "table": _Prop(lambda _: street_life.cafe_table(), 0.5, 0.02, "back", 1.0, 2.9),
+    "table": _Prop(lambda _: street_life.cafe_table(), 0.5, 0.02, "back", 1.0, 2.9, street_life.TABLE_SEATS),
     "litter_bin": _Prop(lambda _: furniture.litter_bin(), 0.9, 0.5, "kerb", 0.3),
     "hydrant": _Prop(lambda _: furniture.hydrant(), 0.4, 0.3, "kerb", 0.25),
     "cabinet": _Prop(lambda rng: furniture.cabinet(float(rng.uniform(0.7, 1.5))), 0.5, 0.3, "back", 0.6),
-    "bench": _Prop(lambda _: furniture.bench(), 0.6, 0.2, "back", 0.8),
+    "bench": _Prop(lambda _: furniture.bench(), 0.6, 0.2, "back", 0.8, seats=furniture.BENCH_SEATS),
     "parking_meter": _Prop(lambda _: furniture.parking_meter(), 0.5, 0.15, "kerb", 0.2),
     "wheelie_bin": _Prop(lambda _: furniture.wheelie_bin(), 0.7, 0.9, "back", 0.35),
     "box": _Prop(street_life.boxes, 0.4, 0.15, "back", 0.7),
@@ -71,19 +73,32 @@ _PROPS: dict[str, _Prop] = {
 def furnish(
     edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, environment: Environment,
     rng: np.random.Generator,
-) -> Mesh:  # fmt: skip
-    """Overhead lines and loose props of the pavements; `stand_z` gives the height of whatever ground is at a point."""
+) -> tuple[Mesh, np.ndarray]:  # fmt: skip
+    """Overhead lines and loose props of the pavements; `stand_z` gives the height of whatever ground is at a point.
+
+    Returns:
+        The mesh, and the poses (k, 4, 4) of the seats: on the ground below the hips of a person that sits, x ahead.
+    """
     walkable_m = float(np.count_nonzero(edge.pavement_m > _NARROWEST_M))  # a point a metre
     busy = style.shop_share > _BUSY_SHOP_SHARE
     poles = environment.density("utility_pole", 0.2 if busy else 0.8)
+    seats: list[np.ndarray] = [np.zeros((0, 4, 4))]
     parts = [overhead_lines(edge, blocked, stand_z, int(rng.poisson(poles * walkable_m / 100)), rng)]
     for kind, prop in _PROPS.items():
         density = environment.density(kind, prop.busy if busy else prop.quiet)
         wanted = int(rng.poisson(density * walkable_m / 100))
         rows = rng.permutation(np.flatnonzero(_suits(prop, edge)))[: wanted * _TRIES]
         templates = [prop.make(rng) for _ in range(_VARIANTS)]
-        parts.append(_stand(templates, rows, prop, wanted, edge, blocked, stand_z))
-    return Mesh.merge(parts)
+        mesh, placed = _stand(templates, rows, prop, wanted, edge, blocked, stand_z)
+        parts.append(mesh)
+        seats += [placed @ pose for pose in _seat_poses(prop.seats)]
+    return Mesh.merge(parts), np.concatenate(seats)
+
+
+def _seat_poses(seats: tuple[furniture.Seat, ...]) -> np.ndarray:
+    """Poses (k, 4, 4) of seats in the axes of their template."""
+    x, y, view_deg = np.array(seats).reshape(-1, 3).T
+    return poses(np.column_stack([x, y, np.zeros(len(x))]), np.radians(view_deg))
 
 
 def _suits(prop: _Prop, edge: Kerbside) -> np.ndarray:
@@ -96,8 +111,8 @@ def _suits(prop: _Prop, edge: Kerbside) -> np.ndarray:
 def _stand(
     templates: list[Mesh], rows: np.ndarray, prop: _Prop, wanted: int, edge: Kerbside, blocked: Obstacles,
     stand_z: Heights,
-) -> Mesh:  # fmt: skip
-    """Copies of the templates at the first rows, up to a number, where there is room."""
+) -> tuple[Mesh, np.ndarray]:  # fmt: skip
+    """Copies of the templates at the first rows, up to a number, where there is room; and their poses (k, 4, 4)."""
     depth = {
         "kerb": np.full(len(rows), 0.4),
         "corner": np.full(len(rows), 0.3),
@@ -114,4 +129,4 @@ def _stand(
     rows, spots = rows[taken], spots[taken]
     placed = poses(np.column_stack([spots, stand_z(spots)]), edge.yaw_rad[rows])
     which = np.arange(len(rows)) % len(templates)
-    return Mesh.merge([instances(template, placed[which == k]) for k, template in enumerate(templates)])
+    return Mesh.merge([instances(template, placed[which == k]) for k, template in enumerate(templates)]), placed

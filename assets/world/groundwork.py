@@ -19,6 +19,7 @@ from assets.world.markings import markings_mesh
 from assets.world.relief import TerrainRelief, ground_mesh, kerb_stones
 from assets.world.sheet import Sheet
 from assets.world.surfaces import Outlines, open_roads, outline
+from assets.world.tracks import tracks_mesh
 from assets.world.unevenness import unevenness
 
 _MARGIN_M = 120.0  # land beyond the streets
@@ -39,7 +40,7 @@ class Groundwork:
         relief: heights of carriageway, pavement and terrain.
         plan: the land in triangles.
         ground: the same with heights; its first faces are the plan's, of which those of terrain carry any material.
-        kerb_stones, markings: meshes upon it.
+        kerb_stones, markings: meshes upon it; tram tracks are part of the markings.
         edge: stations along the kerbs.
         bridges: railings, piers and markings of bridges, whose decks are part of `ground`.
         decks: outlines of the decks of bridges, empty without bridges.
@@ -90,6 +91,7 @@ def lay_groundwork(streets: Streets) -> Groundwork:
     surfaces, bridges = decks_mesh(decks, height, outlines.carriageway)
     above = shapely.union_all([deck.outline for deck in decks])
     paint = [markings_mesh(deck.streets, deck.outline, deck.height) for deck in decks]
+    paint += [tracks_mesh(deck.streets, deck.height) for deck in decks]
     return Groundwork(
         streets=streets,
         town=np.stack([low, high]),
@@ -102,7 +104,7 @@ def lay_groundwork(streets: Streets) -> Groundwork:
         plan=plan,
         ground=Mesh.merge([land, surfaces]) if decks else land,
         kerb_stones=kerb_stones(plan, relief),
-        markings=markings_mesh(streets, outlines.carriageway, height),
+        markings=Mesh.merge([markings_mesh(streets, outlines.carriageway, height), tracks_mesh(streets, height)]),
         edge=kerbside(streets, outlines),
         bridges=Mesh.merge([bridges, *paint]),
         decks=above,

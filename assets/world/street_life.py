@@ -10,9 +10,10 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box, cylinder
-from assets.world.furniture import pole
+from assets.world.furniture import Seat, pole
 from assets.world.trees import bush
 
+TABLE_SEATS: tuple[Seat, ...] = ((0.70, 0.0, 180.0), (-0.70, 0.0, 0.0))
 _WHEEL_M = 0.33
 _WHEEL_CORNERS = 12
 

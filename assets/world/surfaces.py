@@ -23,7 +23,7 @@ class Outlines:
     """Paved areas in world metres, each a valid (multi)polygon, disjoint but touching.
 
     Attributes:
-        carriageway: drive and cycle lanes, junctions, crossings, parking bays.
+        carriageway: drive, cycle and tram lanes, junctions, crossings, parking bays.
         pavement: sidewalks and walking areas outside the carriageway.
         crossings: zebra crossings, part of the carriageway.
         parking: parking bays, part of the carriageway.
@@ -44,7 +44,7 @@ def outline(streets: Streets) -> Outlines:
     """Unites lanes, junctions and bays of a network into clean outlines."""
     crossings = shapely.union_all(_strips(streets, ("crossing",)))
     parking = shapely.union_all([_strip(bay.centre, bay.width_m) for bay in streets.parking] or [shapely.Polygon()])
-    drivable = [*_strips(streets, ("drive", "cycle")), *_areas(streets, "junction"), crossings, parking]
+    drivable = [*_strips(streets, ("drive", "cycle", "tram")), *_areas(streets, "junction"), crossings, parking]
     walkable = [*_strips(streets, ("sidewalk",)), *_areas(streets, "walkingarea")]
     carriageway = _clean(_closed(shapely.union_all(drivable, grid_size=_PRECISION_M)))
     paved = _closed(shapely.union_all([carriageway, *walkable], grid_size=_PRECISION_M))

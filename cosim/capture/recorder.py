@@ -9,6 +9,7 @@ import numpy as np
 
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
+from assets.ranges import draw
 from cosim.capture.background import BackgroundWriter
 from cosim.capture.config import RunConfig
 from cosim.capture.mast import Mast
@@ -26,6 +27,7 @@ from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
+from cosim.scene.seated import place_seated
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
@@ -35,6 +37,7 @@ from sumo_nets import Town, read_town
 
 LABEL_DECIMALS = 4
 _RIG_STREAM = 2  # random stream of the rig jitter, independent of the measurement
+_SEATED_STREAM = 6
 _LABELS = "label_2"
 _WORLD_MATERIALS = tuple(name for name, material in MATERIALS.items() if not material.glow)
 
@@ -130,6 +133,15 @@ class Recorder:
         self._cameras.enter(self._site, light_of(self._config, plan.number))
         self._labellers = {name: self._make_labeller(name, plan.number) for name in self._cameras.labelled}
         self._bridge = Bridge(self._site.ground, self._config.seed + plan.number, self._external)
+        self._seated = place_seated(self._site.seats, *self._seated_share(plan.number))
+
+    def _seated_share(self, episode: int) -> tuple[float, int]:
+        """Share of the seats that are taken in an episode, and the seed of who sits; 0 in a user's own scenario."""
+        assert self._town is not None
+        rng = np.random.default_rng([self._config.seed, episode, 0, _SEATED_STREAM])
+        share, seed = draw(self._config.population.sitting, rng), int(rng.integers(2**31))
+        is_simulated = self._town[1].is_built_in and self._config.trajectories is None
+        return share if is_simulated else 0.0, seed
 
     def note(self, entry: dict[str, object]) -> None:
         """Write an entry about an episode into the manifest, after its frames."""
@@ -159,6 +171,7 @@ class Recorder:
             row = actors.ids.index(carrier)
             rest = np.delete(np.arange(len(instances)), row)
             ego, others, bits = _ego(actors, row, instances.poses[row]), instances.take(rest), actors.signals[rest]
+        others, bits = self._with_seated(others, bits, ego.pose[:3, 3])
         jitter = np.random.default_rng([self._config.seed, int(name), _RIG_STREAM])
         lidar_pose_ego = self._config.rig_jitter.apply(self._rig.lidar_pose, jitter)
 
@@ -212,6 +225,14 @@ class Recorder:
             ego=carrier if isinstance(carrier, str) else "mast",
         )
         self._background.do(write)
+
+    def _with_seated(self, others: Instances, bits: np.ndarray, position: np.ndarray) -> tuple[Instances, np.ndarray]:
+        """Append the persons that sit within sight of a position (3,) to the instances and their signal bits."""
+        away = self._seated.poses[:, :3, 3] - position
+        near = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) < self._sight_m)
+        if not len(near):
+            return others, bits
+        return others.and_then(self._seated.take(near)), np.concatenate([bits, np.zeros(len(near), bits.dtype)])
 
     def close(self) -> None:
         """Free the site and the renderers, and wait until the last frame is written."""

@@ -169,7 +169,11 @@ class TrackRecorder:
             return
         first = not np.isfinite(self._next_s)
         self._next_s = (actors.time_s if first else self._next_s) + self._sample_s
-        keep = [row for row in range(len(actors)) if actors.kinds[row] != "pedestrian" and self._due(actors, row)]
+        keep = [
+            row
+            for row in range(len(actors))
+            if actors.kinds[row] not in ("pedestrian", "tram") and self._due(actors, row)
+        ]
         self._ids += [actors.ids[row] for row in keep]
         self._types += [actors.types[row] for row in keep]
         self._lanes += [actors.lanes[row] for row in keep]

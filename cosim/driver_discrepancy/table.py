@@ -61,7 +61,7 @@ def _in_local_axes(tracks: Tracks, town: Town) -> Tracks:
 
 
 def _from_road_tracks(path: Path, road: RoadTracks) -> Tracks:
-    driving = [kind != "pedestrian" for kind in road.kinds]
+    driving = [kind not in ("pedestrian", "tram") for kind in road.kinds]
     if not any(driving):
         raise TrackError(f"{path}: holds people on foot only; give trajectories of vehicles")
     counts = np.diff(road.first)

@@ -29,9 +29,11 @@ _CATEGORIES = {
     "van": "vehicle.car",
     "truck": "vehicle.truck",
     "bus": "vehicle.bus.rigid",
+    "tram": "vehicle.bus.rigid",  # nuScenes has no trams
     "motorcycle": "vehicle.motorcycle",
     "cyclist": "vehicle.bicycle",
     "pedestrian": "human.pedestrian.adult",
+    "person_sitting": "human.pedestrian.adult",
 }
 _MOVING = {"vehicle": ("vehicle.parked", "vehicle.moving"), "cycle": ("cycle.with_rider",) * 2}
 _MOVING |= {"pedestrian": ("pedestrian.standing", "pedestrian.moving")}

@@ -12,7 +12,7 @@ from sensors.pattern import load_pattern
 
 UNLABELED, OUTLIER = 0, 1
 _STATIC = {
-    40: ("asphalt", "asphalt_patch", "manhole", "gravel"),
+    40: ("asphalt", "asphalt_patch", "manhole", "gravel", "rail"),
     48: ("kerb", "paving", "cobble"),
     60: ("road_marking",),
     50: (
@@ -37,9 +37,11 @@ _MOVING = {
     "van": (10, 252),
     "truck": (18, 258),
     "bus": (13, 257),
+    "tram": (16, 256),
     "motorcycle": (15, 255),
     "cyclist": (31, 253),
     "pedestrian": (30, 254),
+    "person_sitting": (30, 254),
 }
 _STANDS_MPS = 0.1
 _AWAY_M = 0.5  # a point farther than this from what its beam meets is not of it

@@ -10,7 +10,7 @@ from cosim.drives.kitti.label_axes import LabelAxes
 from cosim.drives.twin import Instance
 from cosim.scene.bridge import models_of_size
 
-KINDS = {"car": "car", "van": "van", "truck": "truck", "pedestrian": "pedestrian", "cyclist": "cyclist"}
+KINDS = {name: name for name in ("car", "van", "truck", "tram", "pedestrian", "person_sitting", "cyclist")}
 _PAINT = MATERIALS["car_paint"].reflectance
 
 

@@ -19,9 +19,11 @@ KITTI_TYPE = {
     "van": "Van",
     "truck": "Truck",
     "bus": "Misc",
+    "tram": "Tram",
     "motorcycle": "Misc",
     "cyclist": "Cyclist",
     "pedestrian": "Pedestrian",
+    "person_sitting": "Person_sitting",
 }
 _MAX_SAMPLES = 1600
 _MAX_RANGE_M = 1e4

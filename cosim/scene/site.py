@@ -100,6 +100,7 @@ class Site:
         tiles: tiles of the world for rendering.
         shadows: shadows that the world casts on itself.
         signals: heads of the traffic signals.
+        seats: (k, 4, 4) world poses of the seats of the street furniture.
     """
 
     land: Land
@@ -110,6 +111,7 @@ class Site:
     tiles: Tiles
     shadows: SunShadows
     signals: tuple[SignalHead, ...] = ()
+    seats: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
     @classmethod
     def build(cls, config: RunConfig, land: Land, world: int, *, models: Models, threads: int) -> Site:
@@ -117,14 +119,15 @@ class Site:
         town = land.town
         if config.world is not None:
             mesh = config.world.read(town.streets)
-            return cls._of(land, world, mesh, mesh, (), models, threads)
+            return cls._of(land, world, mesh, mesh, models, threads)
         seeds = [config.seed, zlib.crc32(town.name.encode()), world]
         environment = config.environment.draw(np.random.default_rng([*seeds, _WORLD_STREAM]))
         static = land.build(int(np.random.default_rng(seeds).integers(2**31)), environment)
         to_town = np.eye(4)
         to_town[:3, 3] = land.corner_m
         signals = tuple(replace(head, pose=to_town @ head.pose) for head in static.signals)
-        return cls._of(land, world, land.place(static.mesh), land.place(static.ground), signals, models, threads)
+        site = cls._of(land, world, land.place(static.mesh), land.place(static.ground), models, threads)
+        return replace(site, signals=signals, seats=to_town @ static.seats)
 
     @classmethod
     def _of(
@@ -133,14 +136,13 @@ class Site:
         world: int,
         mesh: Mesh,
         ground: Mesh,
-        signals: tuple[SignalHead, ...],
         models: Models,
         threads: int,
     ) -> Site:
         scene = Scene(mesh, models.load, threads, models=models.traced)
         tiles = cut_world(mesh)
         shadows = SunShadows(mesh, Light(), scene.static, tiles.vertex_normals)
-        return cls(land, world, mesh, scene, Ground(ground), tiles, shadows, signals)
+        return cls(land, world, mesh, scene, Ground(ground), tiles, shadows)
 
     def show(self, renderer: CameraRenderer, light: Light) -> None:
         """Load this site and a light into a renderer."""

@@ -19,7 +19,7 @@ class Actors:
         time_s: simulation time.
         ids: n SUMO ids.
         types: n vType ids.
-        kinds: n kinds (`car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist`, `pedestrian`).
+        kinds: n kinds (`car`, `van`, `truck`, `bus`, `tram`, `motorcycle`, `cyclist`, `pedestrian`).
         lanes: n lane ids (empty for someone off the road).
         front: (n, 3) float64 world position of the front bumper's centre (the middle of a pedestrian) [m].
         heading_rad: (n,) float64 counter-clockwise from east.

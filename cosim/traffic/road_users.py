@@ -26,6 +26,8 @@ KIND_OF_CLASS = {
     "trailer": "truck",
     "bus": "bus",
     "coach": "bus",
+    "tram": "tram",
+    "rail_urban": "tram",
     "motorcycle": "motorcycle",
     "moped": "motorcycle",
     "bicycle": "cyclist",
@@ -81,6 +83,10 @@ class RoadUsers:
         if vehicle not in self._dispatched:
             self._dispatched[vehicle] = self._sumo.vehicle.getParameter(vehicle, "has.taxi.device") == "true"
         return self._dispatched[vehicle]
+
+    def on_rails(self, vehicle: str) -> bool:
+        """Whether a vehicle is a tram."""
+        return KIND_OF_CLASS.get(self._sumo.vehicle.getVehicleClass(vehicle)) == "tram"
 
     def looks(self, types: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray]:
         """Shared vTypes, kinds and sizes (n, 3) [m] of road users by their vTypes.

@@ -233,15 +233,15 @@ class Traffic:
         return self._read()
 
     def prolong_route(self, vehicle: str, rng: np.random.Generator) -> None:
-        """Give a vehicle that nears its destination another one, so that it keeps driving; taxis have theirs."""
-        if not self.dispatched(vehicle):
+        """Give a vehicle that nears its destination another one, so that it keeps driving; not taxis and trams."""
+        if not self.dispatched(vehicle) and not self._users.on_rails(vehicle):
             self._routes.prolong(vehicle, rng)
 
     def _subscribe(self) -> None:
         """Subscribe to vehicles that have just entered or leave a parking space."""
         for vehicle in self._sumo.simulation.getDepartedIDList():
             if vehicle not in self._hidden and self._users.shows(self._sumo.vehicle, vehicle):
-                if not self._as_given:
+                if not self._as_given and not self._users.on_rails(vehicle):
                     self._corners.fit(vehicle)
                 if self._begins_parked(vehicle):
                     self._arriving.add(vehicle)
@@ -266,7 +266,7 @@ class Traffic:
         for vehicle in sorted(api.vehicle.getIDList()):
             if not self._users.shows(api.vehicle, vehicle):
                 continue
-            if not self._as_given:
+            if not self._as_given and not self._users.on_rails(vehicle):
                 self._corners.fit(vehicle)
             self._enter(vehicle)
             if api.vehicle.isStoppedParking(vehicle):

@@ -31,15 +31,16 @@ CLASSES = MappingProxyType(
         "car": 26,
         "truck": 27,
         "bus": 28,
+        "train": 31,
         "motorcycle": 32,
         "bicycle": 33,
     }
 )
-"""Cordts et al., The Cityscapes Dataset, CVPR 2016: label ids. A van is a car there."""
+"""Cordts et al., The Cityscapes Dataset, CVPR 2016: label ids. A van is a car there, a tram a train."""
 
 MATERIAL_CLASSES = MappingProxyType(
     {
-        "road": ("asphalt", "asphalt_patch", "road_marking", "manhole"),
+        "road": ("asphalt", "asphalt_patch", "road_marking", "manhole", "rail"),
         "sidewalk": ("kerb", "paving", "cobble"),
         "terrain": ("gravel", "grass", "soil"),
         "building": (
@@ -61,9 +62,11 @@ KIND_CLASSES = MappingProxyType(
         "van": "car",
         "truck": "truck",
         "bus": "bus",
+        "tram": "train",
         "motorcycle": "motorcycle",
         "cyclist": "bicycle",
         "pedestrian": "person",
+        "person_sitting": "person",
     }
 )
 _RIDDEN = ("motorcycle", "cyclist")

@@ -7,12 +7,16 @@ import pytest
 from assets.materials import MATERIALS, material_index
 from assets.mesh import Mesh
 from assets.models import CATALOGUE, ModelSpec, build_model
+from assets.models.pedestrian import HIP_BEHIND, SEAT_M
 from tests.assets.rays import first_hits
 
 NAMES = sorted(CATALOGUE)
 CARS = [name for name in NAMES if CATALOGUE[name].kind == "car"]
 WHEELED = [name for name in NAMES if CATALOGUE[name].wheelbase_m > 0]
 LICENSED = [name for name in NAMES if CATALOGUE[name].kind in ("car", "van", "truck", "bus")]
+
+TRAMS = [name for name in NAMES if CATALOGUE[name].kind == "tram"]
+SITTING = [name for name in NAMES if CATALOGUE[name].kind == "person_sitting"]
 
 model = cache(build_model)
 
@@ -120,7 +124,7 @@ def test_a_plate_is_the_first_thing_a_beam_along_the_road_meets(name):
         assert mesh.materials[face[0]] == material_index("number_plate")
 
 
-@pytest.mark.parametrize("name", LICENSED)
+@pytest.mark.parametrize("name", [*LICENSED, *TRAMS])
 def test_headlamps_look_forward_and_tail_lamps_back(name):
     for material, way in (("headlamp", 1), ("tail_lamp", -1)):
         lamps = part(model(name), material)
@@ -131,7 +135,10 @@ def test_headlamps_look_forward_and_tail_lamps_back(name):
 
 @pytest.mark.parametrize(
     ("body", "least"),
-    [("hatchback", 6), ("saloon", 6), ("estate", 8), ("suv", 8), ("van", 3), ("truck", 3), ("bus", 14)],
+    [
+        *(("hatchback", 6), ("saloon", 6), ("estate", 8), ("suv", 8), ("van", 3), ("truck", 3), ("bus", 14)),
+        ("tram", 14),
+    ],
 )
 def test_a_body_has_its_windows(body, least):
     for name in (name for name in NAMES if CATALOGUE[name].body == body):
@@ -221,3 +228,22 @@ def test_a_car_narrows_upwards_and_towards_its_ends(name):
     assert 0.6 < roof / flank < 0.9
     nose = np.abs(points[points[:, 0] > 0.47 * spec.length_m, 1]).max()
     assert nose < 0.97 * flank
+
+
+@pytest.mark.parametrize("name", TRAMS)
+def test_skirts_of_a_tram_hide_its_bogies(name):
+    spec = CATALOGUE[name]
+    x = np.concatenate([np.linspace(axle - 0.4, axle + 0.4, 30) for axle in (spec.front_axle_x_m, spec.rear_axle_x_m)])
+    _, face = first_hits(model(name), np.column_stack([x, np.full(60, 5.0), np.full(60, 0.34)]), np.array([0, -1.0, 0]))
+    assert (model(name).materials[face] != material_index("tyre")).all()
+    assert spec.track_m == 1.435
+
+
+@pytest.mark.parametrize("name", SITTING)
+def test_a_person_that_sits_is_supported_at_the_height_of_a_seat(name):
+    mesh, spec = model(name), CATALOGUE[name]
+    hips = -HIP_BEHIND * spec.length_m
+    legs = part(mesh, "clothing_dark").vertices
+    seat = legs[(np.abs(legs[:, 0] - hips) < 0.12) & (np.abs(legs[:, 1]) < 0.2)]
+    assert seat[:, 2].min() == pytest.approx(SEAT_M, abs=0.06)
+    assert part(mesh, "shoe").vertices[:, 0].min() > hips + 0.15

@@ -35,5 +35,5 @@ def test_black_cars_are_dark_and_white_cars_bright_in_the_near_infrared():
 
 
 def test_an_unknown_kind_is_refused_by_name():
-    with pytest.raises(KeyError, match="tram"):
-        draw_paint("tram", np.random.default_rng(0))
+    with pytest.raises(KeyError, match="ship"):
+        draw_paint("ship", np.random.default_rng(0))

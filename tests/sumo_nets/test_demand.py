@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sumo_nets import RECIPES, Demand, DemandConfig, KindShares, TownError, write_demand
+from sumo_nets import RECIPES, Demand, DemandConfig, KindShares, TownError, read_town, write_demand
 from sumo_nets.tools import sumo_home
 from sumo_nets.type_table import read_types
 
@@ -106,3 +106,30 @@ def test_types_without_spread_are_the_ones_given():
 def test_impossible_distributions_are_refused(values, says):
     with pytest.raises(ValidationError, match=says):
         DemandConfig(**values)
+
+
+def test_trams_drive_where_the_town_has_tracks(tmp_path):
+    usual = RECIPES["town09"].demand
+    drawn = DemandConfig(trams=3).draw(usual, np.random.default_rng(0))
+    assert drawn.trams == 3 and DemandConfig().draw(usual, np.random.default_rng(0)).trams == usual.trams > 0
+    assert DemandConfig(trams=3).draw(RECIPES["town01"].demand, np.random.default_rng(0)).trams == 0
+    town = read_town("town09")
+    tracked = {lane.edge for lane in town.streets.lanes if lane.tracks}
+    config = write_demand(town, _SMALL.model_copy(update={"trams": 3}), 5, tmp_path)
+    root = ET.parse(config.with_suffix(".rou.xml")).getroot()
+    routes = [v.find("route").get("edges").split() for v in root if v.get("id").startswith("tram")]
+    assert len(routes) == 3 and all(tracked >= set(route) and len(route) > 5 for route in routes)
+
+
+def test_trams_change_nobody_else(tmp_path):
+    town = read_town("town09")
+    without, with_trams = (
+        _people(write_demand(town, _SMALL.model_copy(update={"trams": n}), 5, tmp_path / str(n))) for n in (0, 2)
+    )
+    assert {name: kind for name, kind in with_trams.items() if not name.startswith("tram")} == without
+
+
+@pytest.mark.parametrize("sitting", [(0.2, 1.5), -0.1])
+def test_shares_of_seats_are_between_0_and_1(sitting):
+    with pytest.raises(ValidationError):
+        DemandConfig(sitting=sitting)

@@ -61,7 +61,7 @@ class Patience:
             recently = actors.time_s - self._backed_s.get(vehicle, -np.inf) < _BACKS_UP_AGAIN_S
             if at is None or other is None or recently or vehicle in stage.steered or motion.plays(other):
                 continue
-            if abs(actors.speed_mps[at]) > _STANDS_MPS:
+            if abs(actors.speed_mps[at]) > _STANDS_MPS or actors.kinds[row] == "tram":
                 continue
             heading = actors.heading_rad[row]
             away = actors.front[at, :2] - actors.front[row, :2]

@@ -12,6 +12,7 @@ from cosim.traffic.motion.corners import corner_speed
 
 _ON_FOOT = ("pedestrian",)
 _ALONG_KERB_M = 4.5  # a shorter lot is slanted: a car does not fit along the kerb
+_ON_RAILS = frozenset({"tram", "rail_urban", "rail", "rail_electric", "rail_fast", "subway", "cable_car"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +89,7 @@ class Roads:
             allowed = api.lane.getAllowed(name)
             edge = api.lane.getEdgeID(name)
             index = int(name.rsplit("_", 1)[1])
-            if tuple(allowed) == _ON_FOOT:
+            if tuple(allowed) == _ON_FOOT or (allowed and _ON_RAILS.issuperset(allowed)):
                 continue
             if not allowed and "passenger" in api.lane.getDisallowed(name):
                 closed.setdefault(edge, []).append((index, api.lane.getWidth(name)))

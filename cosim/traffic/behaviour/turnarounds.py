@@ -24,7 +24,9 @@ class Turnarounds:
     def step(self, stage: Stage) -> None:
         """Start and end turns."""
         for row, (vehicle, lane) in enumerate(zip(stage.actors.ids, stage.actors.lanes, strict=True)):
-            if lane in stage.roads.turnarounds and vehicle not in stage.busy and vehicle not in self._turning:
+            if lane not in stage.roads.turnarounds or stage.actors.kinds[row] == "tram":
+                continue
+            if vehicle not in stage.busy and vehicle not in self._turning:
                 self._begin(stage, row, vehicle, stage.roads.turnarounds[lane])
         for vehicle, back in list(self._turning.items()):
             row = stage.rows.get(vehicle)

@@ -55,7 +55,7 @@ class ChangedParameters:
         self._seen.difference_update(stage.left)
         for row in np.flatnonzero(~actors.parked).tolist():
             vehicle = actors.ids[row]
-            if vehicle in self._seen or actors.kinds[row] == "pedestrian":
+            if vehicle in self._seen or actors.kinds[row] in ("pedestrian", "tram"):
                 continue
             self._seen.add(vehicle)
             habits = draw_habits(self._config, self._seed, vehicle)

@@ -12,6 +12,7 @@ _BUILD = {
     "van": (0.78, 0.60, 38.0),
     "truck": (0.74, 0.55, 45.0),
     "bus": (0.73, 0.49, 50.0),
+    "tram": (0.773, 0.546, 30.0),
     "motorcycle": (0.84, 0.66, 40.0),
     "cyclist": (0.81, 0.60, 50.0),
     "pedestrian": (0.50, 0.60, 50.0),
@@ -31,6 +32,7 @@ class Chassis:
         length_m: (n,).
         max_curvature_per_m: (n,) of the rear axle's path.
         max_curvature_rate_per_ms: (n,) how fast it changes.
+        on_rails: (n,) bool, both axles (bogies) stay on the guiding line.
     """
 
     rear_m: np.ndarray
@@ -38,6 +40,7 @@ class Chassis:
     length_m: np.ndarray
     max_curvature_per_m: np.ndarray
     max_curvature_rate_per_ms: np.ndarray
+    on_rails: np.ndarray
 
     def take(self, rows: np.ndarray) -> Chassis:
         """Those of some rows."""
@@ -54,4 +57,5 @@ class Chassis:
             length_m=np.asarray(length_m, float),
             max_curvature_per_m=np.tan(np.radians(build[:, 2])) / wheelbase,
             max_curvature_rate_per_ms=_WHEEL_RATE_RADPS / wheelbase,
+            on_rails=np.array([kind == "tram" for kind in types], bool),
         )

@@ -14,6 +14,7 @@ from cosim.traffic.motion.bicycle import BicycleState, follow, wrap
 from cosim.traffic.motion.body import Springs
 from cosim.traffic.motion.chassis import Chassis
 from cosim.traffic.motion.footsteps import APART_M, Footsteps
+from cosim.traffic.motion.rails import roll
 from cosim.traffic.motion.script import Player, Script
 from cosim.traffic.motion.steps import Company, take_steps
 from cosim.traffic.motion.trail import Trail
@@ -38,8 +39,8 @@ class Motion:
     """Smooths all road users step by step; all steps of an episode, warm-up included, must pass through it.
 
     Vehicles are rear-axle bicycles whose front bumpers follow SUMO's; where SUMO's position jumps sideways they move
-    over gradually; scripts override both. Who would touch another waits (`cosim.traffic.motion.guard`). People on foot
-    follow with limited acceleration. Parked vehicles do not move.
+    over gradually; scripts override both. Trams keep both bogies on the line that SUMO's take. Who would touch another
+    waits (`cosim.traffic.motion.guard`). People on foot follow with limited acceleration. Parked vehicles do not move.
 
     Args:
         step_s: SUMO's step length.
@@ -183,7 +184,8 @@ class Motion:
         moved = raw - of["raw"][rows]
         distance = actors.speed_mps[rows] * self._step_s
         chord = of["raw_heading"][rows] + wrap(raw_heading - of["raw_heading"][rows]) / 2
-        jump = drift.lateral_jump(moved, chord, distance)
+        chassis = self._chassis.take(rows)
+        jump = np.where(chassis.on_rails, 0.0, drift.lateral_jump(moved, chord, distance))
         for i in np.flatnonzero(jump):
             self._take_up_jump(actors, int(rows[i]), float(jump[i]))
         along = np.where(jump != 0, 0.0, _length(moved))
@@ -202,7 +204,6 @@ class Motion:
         left = np.column_stack([-np.sin(course), np.cos(course)])
         target = raw + offset[:, None] * left
         state = BicycleState(of["front"][rows], of["heading"][rows], of["curvature"][rows], of["speed"][rows])
-        chassis = self._chassis.take(rows)
         travel = travel + np.arctan(slope)
         course = raw_heading.copy()
         trails = self._go_on_trails(actors, rows, target)
@@ -222,7 +223,10 @@ class Motion:
             target[i], travel[i] = trails[i].behind(guide + behind)
             target[i] += of["aside"][rows[i]] * np.array([-np.sin(travel[i]), np.cos(travel[i])])
             course[i] = travel[i] if behind > 0 else course[i]
-        return follow(state, chassis, target, course, travel, self._step_s, paces)
+        wanted = follow(state, chassis, target, course, travel, self._step_s, paces)
+        for i in np.flatnonzero(chassis.on_rails).tolist():
+            of["behind"][rows[i]] = roll(wanted, state, i, chassis, trails[i], self._step_s)
+        return wanted
 
     def _take_steps(self, actors: Actors, drives: np.ndarray, wanted: BicycleState) -> None:
         """Move all road users, except where bodies would touch."""
@@ -283,7 +287,8 @@ class Motion:
         for row, position in zip(rows.tolist(), target.tolist(), strict=True):
             trail = self._trails.get(actors.ids[row])
             if trail is None:
-                trail = Trail(np.array(position), float(actors.heading_rad[row]))
+                reach_m = float(actors.size[row, 0]) if self._chassis.on_rails[row] else 0.0
+                trail = Trail(np.array(position), float(actors.heading_rad[row]), reach_m)
                 self._trails[actors.ids[row]] = trail
             trail.add(*position)
             trails.append(trail)

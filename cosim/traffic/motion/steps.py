@@ -62,7 +62,7 @@ def take_steps(company: Company, step_s: float) -> tuple[dict[str, np.ndarray], 
         return brakes
 
     def offer(i: int, clear: Callable[[Stops], np.ndarray]) -> Stops | None:
-        other = None if i in company.players else _other_step(company, i, step_s, clear)
+        other = None if i in company.players or company.chassis.on_rails[i] else _other_step(company, i, step_s, clear)
         if other is None:
             return None
         others[i], after = other

@@ -15,10 +15,12 @@ class Trail:
     Args:
         place: (2,) start position, world frame [m].
         heading_rad: the way it came before that.
+        reach_m: length of a body that must lie on it [m].
     """
 
-    def __init__(self, position: np.ndarray, heading_rad: float) -> None:
-        back = position - _LONGEST_M * np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    def __init__(self, position: np.ndarray, heading_rad: float, reach_m: float = 0.0) -> None:
+        self._longest_m = _LONGEST_M + reach_m
+        back = position - self._longest_m * np.array([np.cos(heading_rad), np.sin(heading_rad)])
         self._places = np.empty((_ROOM, 2))
         self._places[:3] = back, position, position
         self._first, self._end = 0, 2  # the newest one is at the end
@@ -34,7 +36,7 @@ class Trail:
             if self._end == _ROOM:
                 self._cut()
             self._places[self._end] = x, y
-        if self._end - self._first > 2 and (x - second[0]) ** 2 + (y - second[1]) ** 2 > _LONGEST_M**2:
+        if self._end - self._first > 2 and (x - second[0]) ** 2 + (y - second[1]) ** 2 > self._longest_m**2:
             self._first += 1
             self._second = tuple(self._places[self._first + 1].tolist())
 

@@ -31,7 +31,7 @@ class RoadTracks:
     Attributes:
         ids: of the u users.
         types: of each, as its file calls it.
-        kinds: of each: `car`, `van`, `truck`, `bus`, `motorcycle`, `cyclist` or `pedestrian`.
+        kinds: of each: `car`, `van`, `truck`, `bus`, `tram`, `motorcycle`, `cyclist` or `pedestrian`.
         size: (u, 3) float64 length, width, height [m].
         first: (u + 1,) int: the samples of user k are first[k] to first[k + 1].
         time_s: (n,) float64.

@@ -69,5 +69,5 @@ def test_the_corners_of_the_scaled_model_are_the_labels(seed: int) -> None:
 def test_objects_without_a_model_are_counted_and_left_out() -> None:
     labels = _labels(["Tram", "Misc", "Person_sitting", "Car"], 0)
     instances, without = label_instances(labels, _calibration(), np.eye(4))
-    assert [instance.id for instance in instances] == ["car3"]
-    assert without == 3
+    assert [instance.id for instance in instances] == ["tram0", "person_sitting2", "car3"]
+    assert without == 1

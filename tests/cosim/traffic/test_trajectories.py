@@ -214,7 +214,7 @@ def step(time_s: float, **values: object) -> str:
         (step(0, x="east"), "has x 'east'"),
         (step(0, x="nan"), "times and places are finite"),
         (step(0, x=9e5) + step(1, x=9e5), "most places lie off the streets"),
-        (step(0, type="rail_urban"), "holds no sample of a road user"),
+        (step(0, type="rail"), "holds no sample of a road user"),
     ],
 )
 def test_trajectories_that_cannot_be_are_refused(rows, says, hamlet, tmp_path):

@@ -102,25 +102,29 @@ TAXIS = (
     '<vType id="tram" vClass="tram" length="20"/>'
     '<vehicle id="cab" type="cab" depart="0" departPos="50"><route edges="a b"/></vehicle>'
     '<person id="rider" depart="1" departPos="900"><ride from="a" to="b" lines="taxi"/></person>'
-    '<vehicle id="tram" type="tram" depart="5" departPos="90"><route edges="a b"/>'
-    '<stop lane="a_0" endPos="130" duration="900" parking="true"/></vehicle>'
+    '<vType id="train" vClass="rail" length="60"/>'
+    '<vehicle id="tram" type="tram" depart="5" departPos="50"><route edges="a b"/>'
+    '<stop lane="a_0" endPos="70" duration="900" parking="true"/></vehicle>'
+    '<vehicle id="train" type="train" depart="60" departPos="100"><route edges="a b"/></vehicle>'
 )
 
 
 @pytest.mark.parametrize("behaviour", ["sumo", "paper"])
-def test_taxis_fetch_those_who_call_them_and_trams_that_stop_are_left_out(tmp_path, behaviour):
+def test_taxis_fetch_those_who_call_them_trams_stop_and_trains_are_left_out(tmp_path, behaviour):
     config = write_scenario(tmp_path, NODES, EDGES, [TAXIS])
     settings = BehaviourConfig.model_validate(behaviour)
     with Traffic(config, seed=1, as_given=settings.as_given) as traffic:
         living = DrivenTraffic(traffic, settings, seed=1)
-        carried = False
+        carried, seen = False, set()
         for _ in range(200):
             actors = living.advance(10)
+            seen |= set(zip(actors.ids, actors.kinds, strict=True))
             carried |= traffic.api.vehicle.getPersonIDList("cab") == ("rider",)
             if carried:
                 break
-        assert carried and actors.ids == ("cab",) and traffic.dispatched("cab")
-        assert "tram" in traffic.api.vehicle.getIDList()
+        assert carried and actors.ids == ("cab", "tram") and traffic.dispatched("cab")
+        assert seen == {("cab", "car"), ("rider", "pedestrian"), ("tram", "tram")}
+        assert actors.parked[1] and traffic.api.vehicle.getLength("tram") == 20
 
 
 def test_the_preset_stands_alone(tmp_path):
