@@ -24,10 +24,10 @@ class _Field:
 
 # Those of the sensor `kitti`, and finer ones that only a camera resolves.
 _FIELDS = (
-    _Field("road", 0.15, 5.0),
-    _Field("ground", 0.25, 4.0),
+    _Field("road", 0.22, 10.0),
+    _Field("ground", 0.35, 10.0),
     _Field("building", 0.35, 4.0),
-    _Field("road", 0.1, 0.15),
+    _Field("road", 0.05, 0.15),
     _Field("ground", 0.14, 0.2),
     _Field("vegetation", 0.4, 0.3),
     _Field("building", 0.2, 0.6),

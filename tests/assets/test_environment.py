@@ -41,7 +41,8 @@ def _furnished(environment, seed=0, style="urban"):
     blocked = Obstacles(streets, outlines, outlines.paved, [], shapely.Polygon())
     flat = lambda xy: np.zeros(len(xy))  # noqa: E731
     rng = np.random.default_rng(seed)
-    return furnish(kerbside(streets, outlines), blocked, flat, style_of(style), environment, rng), outlines
+    mesh, _ = furnish(kerbside(streets, outlines), blocked, flat, style_of(style), environment, rng)
+    return mesh, outlines
 
 
 def test_every_kind_has_a_template_and_a_density():

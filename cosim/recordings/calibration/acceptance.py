@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.recordings.calibration.rounds import Round
 from cosim.recordings.calibration.held_out import Change, Scores, change_between, read_scores
+from cosim.recordings.calibration.rounds import Round
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.odometry import Trajectory
 

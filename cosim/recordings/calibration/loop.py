@@ -33,10 +33,10 @@ from cosim.recordings.calibration.acceptance import (
 from cosim.recordings.calibration.advice import advise, undetermined
 from cosim.recordings.calibration.corrected import RESULT
 from cosim.recordings.calibration.halves import direction_error_of_halves
+from cosim.recordings.calibration.held_out import aligned_scores, write_scores
 from cosim.recordings.calibration.history import Tried, noted
 from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
 from cosim.recordings.calibration.start import GUESSED, first_sensor
-from cosim.recordings.calibration.held_out import aligned_scores, write_scores
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
 from cosim.recordings.mapping.prepare import Prepared, prepare

@@ -216,7 +216,7 @@ def test_settings_that_do_not_go_together_are_refused(tmp_path, three):
     assert "write the mounts into the rig's file" in refused("run", tmp_path / "c.yaml", "--out", tmp_path / "d")
     message = refused("run", "--rig", "roof_three", "--sensor", "vlp16", "--out", tmp_path / "d")
     assert "every LiDAR of the rig names its own" in message
-    assert "choose one of kitti, mast" in refused("run", "--rig", "none", "--out", tmp_path / "d")
+    assert "choose one of kitti, kitti_photo, mast" in refused("run", "--rig", "none", "--out", tmp_path / "d")
     assert (
         "is not an image folder" in refused("run", tmp_path / "i.yaml", "--out", tmp_path / "d")
         if ((tmp_path / "i.yaml").write_text("rig: roof_three\nimages: [image_2]\n"))

@@ -86,7 +86,7 @@ def test_files_stay_within_their_sizes(drive_folder):
         sizes = {path: path.stat().st_size for path in drive_folder.rglob(f"{name}.*")}
         hits = sum(size for path, size in sizes.items() if path.parent.name == "hits")
         assert hits <= 1.5e6
-        assert sum(sizes.values()) - hits <= 3e6
+        assert sum(sizes.values()) - hits <= 3.2e6  # two thirds of it points: few lasers see the sky
 
 
 def test_a_run_killed_half_way_goes_on_to_the_same_bytes(blind_drive, blind_config, tmp_path):

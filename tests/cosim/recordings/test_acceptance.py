@@ -10,8 +10,8 @@ import pytest
 from cosim.recordings.calibration.acceptance import SCORES, accept
 from cosim.recordings.calibration.directions import direction_error
 from cosim.recordings.calibration.estimates import combine, differences
-from cosim.recordings.calibration.rounds import Round
 from cosim.recordings.calibration.held_out import change_between, read_scores, write_scores
+from cosim.recordings.calibration.rounds import Round
 from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.pattern import load_pattern
 
