@@ -59,13 +59,14 @@ def _sample_frame(frame: TracedFrame, share: int, rng: np.random.Generator) -> T
     beams = np.flatnonzero(is_taken)
     unmatched = _sample_unmatched(frame, share, rng)
     weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
-    follows = np.append(np.diff(beams) == 1, False)
+    follows = np.zeros(len(beams), bool)
+    follows[:-1] = np.diff(beams) == 1
     after = np.minimum(beams + 1, len(rings) - 1)
     follows &= (rings[beams] == rings[after]) & (solid.instance[beams] == solid.instance[after])
     follows &= solid.exists[beams] & solid.exists[after]
     partner = np.where(
-        follows, np.arange(len(beams)) + 1, np.where(np.append(False, follows[:-1]), np.arange(len(beams)) - 1, -1)
-    )
+        follows, np.arange(len(beams)) + 1, np.where(np.roll(follows, 1), np.arange(len(beams)) - 1, -1)
+    )  # the last beam never has a successor
     if not len(unmatched):
         return _rows(beams, weight, partner)
     weight = np.append(weight, np.full(len(unmatched), weight.mean() if len(beams) else 1.0))

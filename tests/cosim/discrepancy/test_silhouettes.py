@@ -69,6 +69,13 @@ def test_chances_of_a_beams_sides_make_one(frames) -> None:
     assert np.array_equal(sample.own[sample.own], sample.own), "beams have one row of their own"
 
 
+def test_a_frame_without_comparable_beams_has_no_rows(frames) -> None:
+    none = replace(frames[0].observed, trusted=np.zeros(len(frames[0].observed.rays), bool))
+    sample = _sampled([replace(frames[0], observed=none), frames[1]])
+    assert len(sample) > 1000
+    assert set(np.unique(sample.frame)) == {1}
+
+
 def test_probability_of_the_other_side_for_an_edge_between_two_beams(frames) -> None:
     frame, sigma = frames[0], 0.004
     beams = np.flatnonzero(frame.edge & ~frame.grazed)
