@@ -33,7 +33,7 @@ class ModelSpec:
         length_m: full length of the box.
         width_m: full width of the box, mirrors included.
         height_m: full height of the box.
-        wheelbase_m: distance of the axles (of the bogies of a tram); 0 for a person.
+        wheelbase_m: distance of the axles (of the bogies of a tram); 0 for people.
         front_axle_x_m: position of the front axle.
         rear_axle_x_m: position of the rear axle (of the rearmost axle group).
         track_m: distance between the wheel centres of an axle; 0 for single-track vehicles.

@@ -13,7 +13,7 @@ from assets.shapes import box, cylinder, tube
 _WHEEL_RADIUS_M, _TREAD_M = 0.34, 0.13
 _SILL_M = 0.16
 _FLOOR_M = 0.62
-_ROOF_M = 3.02  # the pantograph and its insulators stand on it
+_ROOF_M = 3.02  # the pantograph and its insulators are mounted on it
 _PILLAR_M = 0.12
 _CAB_M = 1.7
 _MIRRORS_M = 0.09  # they reach this far beyond the flanks
@@ -82,7 +82,7 @@ def _windows(length: float, variant: int) -> tuple[Window, ...]:
 
 
 def _saloon(spec: ModelSpec, front: float, length: float) -> list[Mesh]:
-    """Floor, driver's place behind its partition, and rows of seats beside the aisle."""
+    """Floor, driver's place behind its partition, and rows of seats along the aisle."""
     inner = spec.width_m - 2 * _MIRRORS_M - 0.14
     desk = (0.35, inner * 0.7, 0.5)
     parts = [

@@ -11,7 +11,7 @@ from assets.mesh import Mesh
 from assets.shapes import box, cone, cylinder, extrude, tube
 
 Seat = tuple[float, float, float]
-"""Place of the hips of a person that sits: x, y in the template's axes [m], and the direction of view [°]."""
+"""Position of the hips of a sitting person: x, y in the template's axes [m], and the direction of view [°]."""
 
 BENCH_SEATS: tuple[Seat, ...] = ((-0.58, -0.08, 90.0), (0.0, -0.08, 90.0), (0.58, -0.08, 90.0))
 SHELTER_SEATS: tuple[Seat, ...] = tuple((x, -0.46, 90.0) for x in (-1.2, -0.6, 0.0, 0.6))

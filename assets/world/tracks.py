@@ -1,4 +1,4 @@
-"""Tram tracks: rails along lanes, and a bed of gravel where nobody else drives."""
+"""Tram tracks: rails along lanes, and a bed of gravel on lanes only for trams."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals
-from cosim.scene.seated import place_seated
+from cosim.scene.seated import seat_persons
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
@@ -133,7 +133,7 @@ class Recorder:
         self._cameras.enter(self._site, light_of(self._config, plan.number))
         self._labellers = {name: self._make_labeller(name, plan.number) for name in self._cameras.labelled}
         self._bridge = Bridge(self._site.ground, self._config.seed + plan.number, self._external)
-        self._seated = place_seated(self._site.seats, *self._seated_share(plan.number))
+        self._seated = seat_persons(self._site.seats, *self._seated_share(plan.number))
 
     def _seated_share(self, episode: int) -> tuple[float, int]:
         """Share of the seats that are taken in an episode, and the seed of who sits; 0 in a user's own scenario."""

@@ -12,7 +12,7 @@ KIND = "person_sitting"
 _TURNS_RAD = np.radians(12.0)  # largest angle by which a person turns away from the seat's direction
 
 
-def place_seated(seats: np.ndarray, share: float, seed: int) -> Instances:
+def seat_persons(seats: np.ndarray, share: float, seed: int) -> Instances:
     """Draw the persons that sit, independently for each seat.
 
     Args:

@@ -12,7 +12,7 @@ from sensors.cameras.images import Images
 
 
 class Imaging(BaseModel):
-    """A camera's imperfections; all of them are off by default.
+    """A camera's imperfections; none is active by default.
 
     `texture` multiplies the light of surfaces by reflectance fields that are fixed to them, the same as those of the
     LiDAR sensor `kitti` (`sensors.cameras.texture`). The others act on linear light, of which images hold the square

@@ -121,7 +121,7 @@ def test_trams_drive_where_the_town_has_tracks(tmp_path):
     assert len(routes) == 3 and all(tracked >= set(route) and len(route) > 5 for route in routes)
 
 
-def test_trams_change_nobody_else(tmp_path):
+def test_trams_do_not_change_other_road_users(tmp_path):
     town = read_town("town09")
     without, with_trams = (
         _people(write_demand(town, _SMALL.model_copy(update={"trams": n}), 5, tmp_path / str(n))) for n in (0, 2)

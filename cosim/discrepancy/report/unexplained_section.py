@@ -81,7 +81,7 @@ def _unknown(unknown: UnknownEffect, change: str) -> str:
     parameters = fill("<p>Fitted together with everything else: {}.</p>", parameters) if parameters else ""
     law = table_words(unknown) or unknown.form
     details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
-    variables = fill("<p>{}</p>", details) if details else ""  # begins with a unit or the name of a variable
+    variables = fill("<p>{}</p>", details) if details else ""  # starts with a unit or the name of a variable
     head = dependence_words(curve.channel, curve.covariates)
     error = fill("<p>Aligned error {}</p>", change.replace(Markup("<br>"), "; ")) if change else ""
     charts = Markup().join(_factor_chart(unknown, factor) for factor in unknown.factors)

@@ -16,7 +16,7 @@ from assets.world.plots import lay_out
 from assets.world.styles import style_of
 from assets.world.surfaces import outline
 from cosim.labels.labelling import KITTI_TYPE
-from cosim.scene.seated import place_seated
+from cosim.scene.seated import seat_persons
 from sensors.bvh import Bvh
 from tests.assets.small_town import small_town
 
@@ -46,23 +46,23 @@ def test_seats_are_surfaces_at_the_height_of_a_seat(furnished):
 
 def test_persons_sit_on_the_share_of_seats_that_is_configured():
     seats = np.tile(np.eye(4), (2000, 1, 1))
-    assert len(place_seated(seats, 0.0, 1)) == 0
-    assert len(place_seated(seats, 1.0, 1)) == 2000
-    assert len(place_seated(seats, 0.1, 1)) == pytest.approx(200, abs=50)
+    assert len(seat_persons(seats, 0.0, 1)) == 0
+    assert len(seat_persons(seats, 1.0, 1)) == 2000
+    assert len(seat_persons(seats, 0.1, 1)) == pytest.approx(200, abs=50)
 
 
 def test_a_seat_is_taken_by_the_same_person_whatever_the_others(furnished):
     _, seats = furnished
-    everybody, fewer = place_seated(seats, 0.5, 7), place_seated(seats[:4], 0.5, 7)
+    everybody, fewer = seat_persons(seats, 0.5, 7), seat_persons(seats[:4], 0.5, 7)
     assert everybody.ids[: len(fewer)] == fewer.ids
     np.testing.assert_array_equal(everybody.poses[: len(fewer)], fewer.poses)
-    assert place_seated(seats, 0.5, 7).models == everybody.models
-    assert place_seated(seats, 0.5, 8).ids != everybody.ids
+    assert seat_persons(seats, 0.5, 7).models == everybody.models
+    assert seat_persons(seats, 0.5, 8).ids != everybody.ids
 
 
 def test_the_box_of_a_person_stands_on_the_ground_before_the_seat(furnished):
     _, seats = furnished
-    seated = place_seated(seats, 1.0, 2)
+    seated = seat_persons(seats, 1.0, 2)
     assert set(seated.kinds) == {"person_sitting"} and KITTI_TYPE["person_sitting"] == "Person_sitting"
     np.testing.assert_allclose(seated.poses[:, 2, 3], seats[:, 2, 3])
     hips = seated.poses[:, :3, 3] - HIP_BEHIND * seated.sizes[:, :1] * seated.poses[:, :3, 0]
