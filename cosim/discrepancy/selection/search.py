@@ -308,6 +308,7 @@ def _choose(
     for family in FAMILIES[: FAMILIES.index(best.group.family) + 1]:  # an error also shows in later families
         of_family = [result for result in same_order if result.group.family == family]
         shortlist += _shortlist(sorted(of_family, key=lambda result: result is not best), settings)
+    shortlist += _later(best, same_order)
     shortlist += _turned(best, results, shortlist)
     trials = []
     for result in shortlist:
@@ -400,6 +401,19 @@ def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[Grou
     return _each_kind_once([*shortlist, *named[:3]])
 
 
+def _later(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
+    """The leading effect of each later family.
+
+    The refit of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can
+    fit losses that an effect of the returns explains better.
+    """
+    leading = {}
+    for result in sorted(candidates, key=lambda result: -result.gain):
+        if result.group.is_effect:
+            leading.setdefault(result.group.family, result)
+    return [leading[family] for family in FAMILIES[FAMILIES.index(best.group.family) + 1 :] if family in leading]
+
+
 def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
     """Hypotheses that turn beams, whatever their linear gain: they are far from linear.
 
@@ -423,8 +437,8 @@ def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[G
 
 
 def _is_simple_effect(group: Group) -> bool:
-    """Whether it is an effect of one or two parameters; a calibration by laser is not."""
-    return group.is_effect and group.size <= 2
+    """Whether it is an effect of at most three parameters, such as a rotation; a calibration by laser is not."""
+    return group.is_effect and group.size <= 3
 
 
 def _each_kind_once(results: Sequence[GroupTest]) -> list[GroupTest]:
