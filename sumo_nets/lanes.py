@@ -11,6 +11,7 @@ from assets.streets import LaneUse
 _DRIVERS = {"passenger", "delivery", "truck", "bus", "motorcycle", "taxi", "coach", "private", "hov", "evehicle"}
 _DRIVERS |= {"trailer", "moped", "emergency", "army", "vip", "authority"}
 TRAMS = frozenset({"tram", "rail_urban"})
+RAILWAYS = frozenset({"rail", "rail_electric", "rail_fast", "subway", "cable_car"})
 _FARTHEST_M = 4e7
 
 

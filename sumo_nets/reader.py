@@ -13,14 +13,13 @@ import numpy as np
 from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
 from sumo_nets.errors import TownError
-from sumo_nets.lanes import has_tracks, points, use_of
+from sumo_nets.lanes import RAILWAYS, has_tracks, points, use_of
 from sumo_nets.outline import simple_outlines
 from sumo_nets.scenery import read_scenery
 from sumo_nets.xml_guard import read_xml
 
 _DEFAULT_PARKING_WIDTH_M = 3.2
-_RAIL = frozenset({"rail", "rail_electric", "rail_fast", "subway", "cable_car"})
-_OFF_THE_ROAD = {"rail": _RAIL, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
+_OFF_THE_ROAD = {"rail": RAILWAYS, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
 
 
 def read_network(net: Path) -> Any:

@@ -15,8 +15,8 @@ from sumo_nets.vtypes import DRIVING, PARKED, WALKING
 from sumo_nets.xml_guard import read_xml
 
 _KIND_OF_CLASS = {"passenger": "car", "delivery": "van", "truck": "truck", "bus": "bus", "coach": "bus"}
-_KIND_OF_CLASS |= {"tram": "tram"}
-_KIND_OF_CLASS |= {"motorcycle": "motorcycle", "moped": "motorcycle", "bicycle": "cyclist", "pedestrian": "pedestrian"}
+_KIND_OF_CLASS |= {"tram": "tram", "motorcycle": "motorcycle", "moped": "motorcycle", "bicycle": "cyclist"}
+_KIND_OF_CLASS |= {"pedestrian": "pedestrian"}
 
 Weights = Mapping[str, float]
 

@@ -9,10 +9,11 @@ from types import ModuleType
 import numpy as np
 
 from cosim.traffic.motion.corners import corner_speed
+from sumo_nets.lanes import RAILWAYS, TRAMS
 
 _ON_FOOT = ("pedestrian",)
 _ALONG_KERB_M = 4.5  # a shorter lot is slanted: a car does not fit along the kerb
-_ON_RAILS = frozenset({"tram", "rail_urban", "rail", "rail_electric", "rail_fast", "subway", "cable_car"})
+_ON_RAILS = TRAMS | RAILWAYS
 
 
 @dataclass(frozen=True, eq=False)
