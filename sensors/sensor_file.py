@@ -1,4 +1,4 @@
-"""Sensor files: `pattern:` and a list of `effects:`."""
+"""Sensor files: `pattern:` and a list of `effects:`. Annotator files: a list of label effects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from assets.documents import DocumentError, parse_yaml
-from sensors.effects.base import Effect
+from sensors.effects.base import Effect, LabelEffect
 from sensors.effects.registry import find_effect
 from sensors.errors import SensorError
 from sensors.pattern import Pattern, first_problem, load_pattern, pattern_names
@@ -18,13 +18,52 @@ from sensors.sensor_model import SensorModel
 
 _LOG = logging.getLogger(__name__)
 _MODELS = files("sensors") / "models"
+_ANNOTATORS = files("sensors") / "annotators"
 _RENAMED = {"hdl64e_dual": "hdl64e_two_blocks"}  # read as dual return, which it has not
 _KEYS = ("pattern", "effects")
+EXACT = "exact"
+"""Name of the annotator that draws exact boxes."""
 
 
 def model_names() -> list[str]:
     """Names of the built-in sensors."""
     return sorted(item.name.removesuffix(".yaml") for item in _MODELS.iterdir() if item.name.endswith(".yaml"))
+
+
+def annotator_names() -> list[str]:
+    """Names of the built-in annotators; `exact` is the first."""
+    return [EXACT, *sorted(file.name[:-5] for file in _ANNOTATORS.iterdir() if file.name.endswith(".yaml"))]
+
+
+def read_annotator(text: str, pattern: Pattern) -> tuple[LabelEffect, ...]:
+    """Read the label effects of a built-in annotator or of a file with a list of `effects:`.
+
+    Args:
+        text: name or path.
+        pattern: beams of the sensor whose scans are labelled.
+
+    Raises:
+        SensorError: no such file or annotator, it breaks the format, or an effect does not act on labels.
+    """
+    if text == EXACT:
+        return ()
+    if text in annotator_names():
+        values, folder = _parse((_ANNOTATORS / f"{text}.yaml").read_text(encoding="utf-8"), "annotator", text), Path()
+    else:
+        path = Path(text)
+        if not path.is_file():
+            raise SensorError(
+                f"annotator {text!r} does not exist; give {', '.join(annotator_names())} or the path of a file"
+            )
+        values, folder = _parse(_read(path, "annotator"), "annotator", text), path.parent
+    if not isinstance(values, dict) or set(values) != {"effects"}:
+        raise SensorError(f"annotator {text}: write only a list of label effects, `effects: [...]`")
+    effects = _parse_effects(values, origin=text, folder=folder, pattern=pattern)
+    labelling = tuple(effect for effect in effects if isinstance(effect, LabelEffect))
+    if len(labelling) < len(effects):
+        other = next(effect.name for effect in effects if not isinstance(effect, LabelEffect))
+        raise SensorError(f"annotator {text}: {other} does not change labels; write it into the sensor file")
+    return labelling
 
 
 def read_sensor(text: str) -> SensorModel:
@@ -46,11 +85,21 @@ def read_sensor(text: str) -> SensorModel:
             f"sensor {text!r} does not exist; give the path of a sensor file, a sensor "
             f"({', '.join(model_names())}) or a pattern ({', '.join(pattern_names())})"
         )
+    return parse_sensor(_read(path, "sensor"), origin=text, folder=path.parent)
+
+
+def _read(path: Path, role: str) -> str:
     try:
-        content = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise SensorError(f"sensor {path} cannot be read: {' '.join(str(error).split())}") from error
-    return parse_sensor(content, origin=text, folder=path.parent)
+        raise SensorError(f"{role} {path} cannot be read: {' '.join(str(error).split())}") from error
+
+
+def _parse(content: str, role: str, origin: str) -> Any:
+    try:
+        return parse_yaml(content)
+    except DocumentError as error:
+        raise SensorError(f"{role} {origin} cannot be read: {' '.join(str(error).split())}") from error
 
 
 def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
@@ -59,22 +108,23 @@ def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
     Raises:
         SensorError: the text breaks the format.
     """
-    try:
-        values = parse_yaml(content)
-    except DocumentError as error:
-        raise SensorError(f"sensor {origin} cannot be read: {' '.join(str(error).split())}") from error
+    values = _parse(content, "sensor", origin)
     if not isinstance(values, dict) or not isinstance(values.get("pattern"), str):
         raise SensorError(f"sensor {origin} names no pattern; write `pattern: hdl64e`")
     unknown = sorted(str(key) for key in set(values) - set(_KEYS))
     if unknown:
         raise SensorError(f"sensor {origin}: unknown key {unknown[0]!r}; use pattern and effects")
     pattern = _pattern(values["pattern"], folder)
+    return SensorModel(pattern, _parse_effects(values, origin=origin, folder=folder, pattern=pattern), origin)
+
+
+def _parse_effects(values: dict[str, Any], *, origin: str, folder: Path, pattern: Pattern) -> tuple[Effect, ...]:
     entries = values.get("effects") or []
     if not isinstance(entries, list):
         raise SensorError(f"sensor {origin}: effects is {entries!r}; give a list")
     effects = tuple(parse_effect(entry, origin=origin, folder=folder, pattern=pattern) for entry in entries)
     _check_doubles(effects, origin)
-    return SensorModel(pattern, effects, origin)
+    return effects
 
 
 def _pattern(name: str, folder: Path) -> Pattern:

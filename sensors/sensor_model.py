@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -176,6 +177,21 @@ class SensorModel:
                 in all of them are applied once.
         """
         return act_on_returns(self._ordered, shot.solids, shot, Streams(_given(rng)), self.origin, memo)
+
+    def with_annotator(self, effects: Sequence[LabelEffect]) -> SensorModel:
+        """Return the sensor whose scans an annotator labels.
+
+        Args:
+            effects: label effects of the annotator.
+
+        Raises:
+            SensorError: the sensor changes labels already.
+        """
+        if effects and self.relabels:
+            raise SensorError(
+                f"sensor {self.origin} has label effects already; remove them, or set `labels: {{annotator: exact}}`"
+            )
+        return replace(self, effects=(*self.effects, *effects))
 
     def relabel(self, boxes: LabelBoxes, rng: np.random.Generator | None = None) -> LabelBoxes:
         """The labelled boxes after its label effects."""

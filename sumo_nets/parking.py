@@ -134,6 +134,16 @@ def _slanted_space(lot: Lot, rules: StreetRules, network: Any) -> str:
     )
 
 
+def read_angled_parking(paths: Iterable[Path]) -> frozenset[str]:
+    """Return the ids of the parking areas of additional files in which vehicles are not parallel to their lane."""
+    areas = [area for path in paths for area in read_xml(path).iter("parkingArea")]
+    return frozenset(
+        area.get("id", "")
+        for area in areas
+        if area.find("space") is not None or float(area.get("angle", "0")) % 180 != 0
+    )
+
+
 def read_parking(paths: Iterable[Path]) -> tuple[Lot, ...]:
     """Return the roadside lots of additional files that hold one vehicle each; areas of other kinds are ignored."""
     areas = [area for path in paths for area in read_xml(path).iter("parkingArea")]

@@ -44,6 +44,18 @@ class MastPosition(BaseModel):
     )
 
 
+class LabelConfig(BaseModel):
+    """Who draws the 3D boxes of the labels."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    annotator: str = Field(
+        default="exact",
+        description="`exact`, `kitti` (boxes with the errors of KITTI's annotators), or the path of a file with "
+        "label effects",
+    )
+
+
 class RunConfig(BaseModel):
     """All settings that determine the content of a drive. The same configuration gives the same bytes."""
 
@@ -95,6 +107,7 @@ class RunConfig(BaseModel):
     annotators: Annotators = Field(
         default=Annotators(), description="objects that annotators leave to DontCare regions"
     )
+    labels: LabelConfig = Field(default=LabelConfig(), description="who draws the 3D boxes of the labels")
     external_vehicles: Path | None = Field(
         default=None,
         description="folder of vehicle meshes with a vehicles.yaml, used in addition to the built-in models",

@@ -31,6 +31,7 @@ from cosim.scene.seated import seat_persons
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
+from sensors.cameras.texture import fields_of
 from sensors.scene import Instances
 from sensors.sensor_model import SensorModel
 from sumo_nets import Town, read_town
@@ -72,7 +73,13 @@ class Recorder:
         self._lidars = RigLidars(self._rig, sensors, config.seed)
         needs_view = any(sensor.needs_camera for sensor in sensors.values())
         self._cameras = RigCameras(
-            self._rig, config.images, self._models, config.backend, needs_view=needs_view, seed=config.seed
+            self._rig,
+            config.images,
+            self._models,
+            config.backend,
+            fields=fields_of(self._sensor),
+            needs_view=needs_view,
+            seed=config.seed,
         )
         self._town: tuple[str, Town] | None = None
         self._land: Land | None = None

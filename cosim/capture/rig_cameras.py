@@ -20,6 +20,7 @@ from sensors.cameras import CameraRenderer, Content, Images, Light
 from sensors.cameras.cast_shadows import CastShadows
 from sensors.cameras.images import CONTENTS
 from sensors.cameras.texture import textured
+from sensors.effects.light.reflectance_field import ReflectanceField
 from sensors.scene import Instances
 
 _IMAGE_STREAM = 5  # random stream of the image noise, independent of the frame's other random numbers
@@ -53,9 +54,18 @@ class RigCameras:
     """
 
     def __init__(
-        self, rig: PlacedRig, products: Sequence[str], models: Models, backend: str, *, needs_view: bool, seed: int
+        self,
+        rig: PlacedRig,
+        products: Sequence[str],
+        models: Models,
+        backend: str,
+        *,
+        fields: Sequence[ReflectanceField],
+        needs_view: bool,
+        seed: int,
     ) -> None:
         self._rig, self._models, self._backend, self._seed = rig, models, backend, seed
+        self._fields = fields
         self._view_camera = effect_camera(tuple(rig.cameras), rig.reference) if needs_view else None
         self.labelled = tuple(name for name, camera in rig.cameras.items() if camera.calibration is not None)
         needed = [*products, *(f"instance_{name}" for name in self.labelled)]
@@ -94,7 +104,7 @@ class RigCameras:
                 pinhole = without_signals(pinhole, len(instances))
             if "colour" in self._contents[name]:
                 pinhole = self._shadows.onto(pinhole, pose, P, instances)
-                pinhole = textured(pinhole, camera.imaging.texture, pose, P, instances)
+                pinhole = textured(pinhole, camera.imaging.texture, pose, P, instances, self._fields)
             distorted = pinhole if camera.lens is None else camera.lens.bent(pinhole)
             rng = np.random.default_rng([self._seed, int(frame), zlib.crc32(name.encode()), _IMAGE_STREAM])
             images[name] = camera.imaging.seen(distorted, rng)

@@ -9,16 +9,22 @@ import numpy as np
 
 from cosim.capture.config import RunConfig
 from cosim.drives.kitti.layout import LIDARS
+from sensors.sensor_file import read_annotator
 from sensors.sensor_model import SensorModel, load_sensor
 
 
 def rig_sensors(config: RunConfig) -> dict[str, SensorModel]:
-    """Load the sensor model of every LiDAR of the rig, in the rig's order.
+    """Load the sensor model of every LiDAR of the rig, in the rig's order; labels belong to the first.
 
     Raises:
-        SensorError: a sensor file does not exist or is invalid.
+        SensorError: a sensor file or the annotator's file does not exist or is invalid.
     """
-    return {lidar.name: load_sensor(lidar.sensor or config.sensor) for lidar in config.rig_used.lidars}
+    lidars = config.rig_used.lidars
+    sensors = {lidar.name: load_sensor(lidar.sensor or config.sensor) for lidar in lidars}
+    first = lidars[0].name
+    labelled = sensors[first]
+    sensors[first] = labelled.with_annotator(read_annotator(config.labels.annotator, labelled.pattern))
+    return sensors
 
 
 def beams_of(sensors: Sequence[SensorModel]) -> int:

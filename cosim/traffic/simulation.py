@@ -19,7 +19,7 @@ from cosim.traffic.street_speed import StreetSpeed
 from cosim.traffic.subscriptions import Subscriptions
 
 _CHANGES_LANE = {"lcMaxSpeedLatStanding": "0", "lcMaxSpeedLatFactor": "0.25"}  # no sliding sideways at rest
-_PARKED_FROM_S = 0.6  # SUMO inserts parked vehicles on the lane first, and takes some steps to park all
+_PARKED_FROM_S = 1.0  # SUMO inserts parked vehicles on the lane first, and takes some steps to park all
 _NEAR_STOP_M = 0.5
 _FAR_DECIDES_S = 1.0  # who is left to SUMO thinks once a second: that takes a quarter of the time
 _CAREFUL = 31  # SUMO's speed mode with all checks

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.drives.files import is_safe_name
 from cosim.errors import CosimError
+from sensors.effects.base import LabelEffect
 from sensors.sensor_file import model_names
 from sensors.sensor_model import SensorModel, load_sensor
 
@@ -31,8 +33,12 @@ class Variant:
     sensor: SensorModel
 
 
-def read_variants(text: str) -> tuple[Variant, ...]:
+def read_variants(text: str, annotator: Sequence[LabelEffect] = ()) -> tuple[Variant, ...]:
     """Parse a comma-separated list of built-in sensors, patterns and sensor files; `all` are the paper's eight.
+
+    Args:
+        text: the list.
+        annotator: label effects for sensors that have none.
 
     Raises:
         VariantError: the list is empty, or two variants have the same folder.
@@ -44,7 +50,11 @@ def read_variants(text: str) -> tuple[Variant, ...]:
         raise VariantError(
             f"--variant {text!r} names no sensor; give sensors separated by commas: {', '.join(model_names())}"
         )
-    variants = tuple(Variant(Path(name).stem, load_sensor(name)) for name in names)
+    sensors = [load_sensor(name) for name in names]
+    variants = tuple(
+        Variant(Path(name).stem, sensor if sensor.relabels else sensor.with_annotator(annotator))
+        for name, sensor in zip(names, sensors, strict=True)
+    )
     stems = [variant.stem for variant in variants]
     for stem in stems:
         if stems.count(stem) > 1:

@@ -68,8 +68,8 @@ def make_variants(
             kept.
         SensorError: a sensor does not exist or is invalid, or one of its effects returns invalid results.
     """
-    variants = read_variants(text)
     source = VariantSource(path)
+    variants = read_variants(text, source.annotator)
     _check_outside(source.drive.root, folder)
     writers = {variant.stem: VariantWriter(folder / variant.stem) for variant in variants}
     with ExitStack() as locks:
@@ -107,7 +107,8 @@ class VariantsJob:
     def open(self, threads: int) -> Iterator[Do]:
         """Open the source; yields a function that makes the frames of a `Task`."""
         with ThreadPoolExecutor(_WRITERS) as disk, ExitStack() as locks:
-            source, variants = VariantSource(self.path, threads=threads), read_variants(self.text)
+            source = VariantSource(self.path, threads=threads)
+            variants = read_variants(self.text, source.annotator)
             maker = Maker(source, variants)
             writers = {variant.stem: VariantWriter(self.folder / variant.stem) for variant in variants}
             for writer in writers.values():

@@ -19,11 +19,14 @@ from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_in
 from cosim.drives.writer import DriveWriter
 from cosim.variants.request import VariantError
 from sensors.camera_view import CameraView
+from sensors.effects.base import LabelEffect
 from sensors.hits import Hits
 from sensors.hits_file import load_hits
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Instances, Scene
+from sensors.sensor_file import EXACT
+from sensors.sensor_model import load_sensor
 
 _LINKED = ("image_0", "image_1", "image_2", "image_3", "depth_0", "calib", "oxts", "twin/frames")
 _IMAGES = ("image", "depth", "label")  # prefixes of the image and label folders of other rigs
@@ -60,6 +63,15 @@ class VariantSource:
     def seed(self) -> int:
         """Seed of the run."""
         return int(self.drive.info.get("seed", 0))
+
+    @cached_property
+    def annotator(self) -> tuple[LabelEffect, ...]:
+        """Label effects of the annotator of the run; none if its boxes are exact."""
+        path, config = self.drive.sensor_path, self.drive.info.get("config")
+        settings = config.get("labels") if isinstance(config, dict) else None
+        if path is None or not isinstance(settings, dict) or settings.get("annotator", EXACT) == EXACT:
+            return ()
+        return tuple(effect for effect in load_sensor(path).effects if isinstance(effect, LabelEffect))
 
     def rng(self, name: str) -> np.random.Generator:
         """Random generator with which `cosim run` measures a frame."""

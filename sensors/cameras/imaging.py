@@ -14,8 +14,8 @@ from sensors.cameras.images import Images
 class Imaging(BaseModel):
     """A camera's imperfections; none is active by default.
 
-    `texture` multiplies the light of surfaces by reflectance fields that are fixed to them, the same as those of the
-    LiDAR sensor `kitti` (`sensors.cameras.texture`). The others act on linear light, of which images hold the square
+    `texture` multiplies the light of surfaces by reflectance fields that are fixed to them, the same that the
+    LiDAR's sensor has (`sensors.cameras.texture`). The others act on linear light, of which images hold the square
     root: s·L·2^ev·(1 − vignetting·r²) with s = `sky` in the sky and 1 elsewhere, blurred, then counted in electrons,
     whose variance is their number plus the square of the read noise (EMVA Standard 1288, release 4.0, section 2.3), and
     cut at the full well.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,44 +11,45 @@ from assets.materials import TABLE
 from sensors.cameras.cast_shadows import world_points
 from sensors.cameras.images import Images
 from sensors.effects.light.reflectance_field import ReflectanceField
-from sensors.effects.material_groups import Group, group_members, shift_of_instance
-from sensors.effects.spatial_noise import field_at
+from sensors.effects.material_groups import group_members, shift_of_instance
 from sensors.scene import Instances
+from sensors.sensor_model import SensorModel, load_sensor
 
-
-@dataclass(frozen=True)
-class _Field:
-    surfaces: Group
-    sigma: float
-    cell_m: float
-
-
-# Those of the sensor `kitti`, and finer ones that only a camera resolves.
-_FIELDS = (
-    _Field("road", 0.22, 10.0),
-    _Field("ground", 0.35, 10.0),
-    _Field("building", 0.35, 4.0),
-    _Field("road", 0.05, 0.15),
-    _Field("ground", 0.14, 0.2),
-    _Field("vegetation", 0.4, 0.3),
-    _Field("building", 0.2, 0.6),
-    _Field("other", 0.2, 0.2),
-    _Field("road", 0.12, 0.02),
-    _Field("ground", 0.2, 0.02),
-    _Field("vegetation", 0.4, 0.02),
-    _Field("building", 0.08, 0.03),
+# Contrast in visible light over that at the LiDAR's wavelength, where it differs from 1. Paint has none: its dirt and
+# gloss change what a LiDAR receives, not its colour.
+_CONTRAST: dict[str, float] = {"building": 0.5, "other": 0.4, "vehicle": 0.0}
+# Fields that only a camera resolves.
+_FINE = (
+    ReflectanceField(surfaces="road", sigma=0.12, cell_m=0.02),
+    ReflectanceField(surfaces="ground", sigma=0.2, cell_m=0.02),
+    ReflectanceField(surfaces="vegetation", sigma=0.4, cell_m=0.02),
+    ReflectanceField(surfaces="building", sigma=0.16, cell_m=0.03),
 )
 
 
-def textured(images: Images, strength: float, pose: np.ndarray, P: np.ndarray, instances: Instances) -> Images:
-    """Images whose light is multiplied by exp(s·σ·f(p)), f the reflectance fields of what is at each pixel.
+def fields_of(sensor: SensorModel) -> tuple[ReflectanceField, ...]:
+    """Return the reflectance fields of a sensor; those of the sensor `kitti` if it has none."""
+    fields = tuple(effect for effect in sensor.effects if isinstance(effect, ReflectanceField))
+    return fields or fields_of(load_sensor("kitti"))
+
+
+def textured(
+    images: Images,
+    strength: float,
+    pose: np.ndarray,
+    P: np.ndarray,
+    instances: Instances,
+    fields: Sequence[ReflectanceField],
+) -> Images:
+    """Images whose light is multiplied by a power of the reflectance of the fields at each pixel.
 
     Args:
         images: with colour, number and depth.
-        strength: s; 0 changes nothing.
+        strength: exponent; 0 changes nothing.
         pose: (4, 4) world-from-camera.
         P: (3, 4) projection.
         instances: movable objects, in the order of the images' numbers.
+        fields: fields that a LiDAR sees, too.
     """
     if not strength or images.rgba is None:
         return images
@@ -55,10 +57,10 @@ def textured(images: Images, strength: float, pose: np.ndarray, P: np.ndarray, i
     material, number = images.material[rows, columns].astype(int) - 1, images.instance[rows, columns].astype(int) - 1
     places = _on_surfaces(world_points(rows, columns, images.depth_at(rows, columns), pose, P), number, instances)
     log_light = np.zeros(len(rows), np.float32)
-    for field in _FIELDS:
+    for field in (*fields, *_FINE):
+        contrast = np.float32(strength * _CONTRAST.get(field.surfaces, 1.0))
         members = np.flatnonzero(np.isin(material, np.flatnonzero(group_members(field.surfaces, TABLE))))
-        values = field_at(places[members], field.cell_m, ReflectanceField.offset_of(field.surfaces))
-        log_light[members] += np.float32(strength * field.sigma) * values
+        log_light[members] += contrast * field.log_factor(places[members])
     rgba = images.rgba.copy()
     root = rgba[rows, columns, :3] * np.exp(log_light / 2)[:, None]  # pixels hold the square root of light
     rgba[rows, columns, :3] = np.rint(np.minimum(root, 255))

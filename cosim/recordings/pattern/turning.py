@@ -208,7 +208,7 @@ def _side_by_side(scans: Sequence[Scan], which: Sequence[np.ndarray], lasers: in
     pairs, start, count = np.unique(pair, return_index=True, return_counts=True)
     middle = step[start + count // 2]
     often = count > 10
-    a, b = pairs[often] // lasers, pairs[often] % lasers
+    a, b = np.divmod(pairs[often].astype(np.int32), lasers)
     tree = minimum_spanning_tree(coo_array((1.0 / count[often], (a, b)), shape=(lasers, lasers)))
     known = dict(zip(zip(a.tolist(), b.tolist(), strict=True), middle[often].tolist(), strict=True))
     fan = np.zeros(lasers)

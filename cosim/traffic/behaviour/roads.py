@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -12,7 +13,6 @@ from cosim.traffic.motion.corners import corner_speed
 from sumo_nets.lanes import RAILWAYS, TRAMS
 
 _ON_FOOT = ("pedestrian",)
-_ALONG_KERB_M = 4.5  # a shorter lot is slanted: a car does not fit along the kerb
 _ON_RAILS = TRAMS | RAILWAYS
 
 
@@ -81,9 +81,14 @@ class ParkingSpace:
 
 
 class Roads:
-    """Reads the running simulation's network once."""
+    """Reads the running simulation's network once.
 
-    def __init__(self, api: ModuleType) -> None:
+    Args:
+        api: libsumo or a TraCI connection.
+        angled_parking: ids of parking areas whose vehicles are parked at an angle; they are not in `lots`.
+    """
+
+    def __init__(self, api: ModuleType, angled_parking: Collection[str] = ()) -> None:
         self.lanes: dict[str, Lane] = {}
         closed: dict[str, list[tuple[int, float]]] = {}
         for name in api.lane.getIDList():
@@ -123,7 +128,7 @@ class Roads:
             lanes.sort(key=lambda lane: lane.index)
         self.strip_m = {edge: sum(width for _, width in lanes) for edge, lanes in closed.items()}
         self.back = self._ways_back(api)
-        self.lots = self._lots(api)
+        self.lots = self._lots(api, angled_parking)
 
     def right_room(self, edge: str) -> float:
         """Width of the parking strip on an edge's right [m]."""
@@ -148,12 +153,12 @@ class Roads:
         by_ends = {pair: edge for edge, pair in sorted(ends.items())}
         return {edge: by_ends[b, a] for edge, (a, b) in ends.items() if (b, a) in by_ends}
 
-    def _lots(self, api: ModuleType) -> dict[str, list[ParkingSpace]]:
+    def _lots(self, api: ModuleType, angled_parking: Collection[str]) -> dict[str, list[ParkingSpace]]:
         lots: dict[str, list[ParkingSpace]] = {}
         for name in sorted(api.parkingarea.getIDList()):
             lane = api.parkingarea.getLaneID(name)
             lot = ParkingSpace(name, lane, api.parkingarea.getStartPos(name), api.parkingarea.getEndPos(name))
-            if lane in self.lanes and lot.end_m - lot.start_m > _ALONG_KERB_M:
+            if lane in self.lanes and name not in angled_parking:
                 lots.setdefault(self.lanes[lane].edge, []).append(lot)
         for places in lots.values():
             places.sort(key=lambda lot: lot.start_m)

@@ -50,12 +50,16 @@ class _Field(EchoEffect):
     def apply(self, returns: Returns, shot: Shot, rng: np.random.Generator) -> Returns:
         """Returns scaled by the reflectance at their places."""
         rows = rows_of_group(self.surfaces, returns, shot)
-        places = points_on_surface(returns.take(rows), shot)
-        value = field_at(places, self.cell_m, self.offset_of(self.surfaces))
-        value += np.float32(self.skew) * np.minimum(value, 0)
         intensity = returns.intensity.copy()
-        intensity[rows] *= np.exp(np.float32(self.sigma) * value)
+        intensity[rows] *= np.exp(self.log_factor(points_on_surface(returns.take(rows), shot)))
         return replace(returns, intensity=intensity)
+
+    def log_factor(self, points: np.ndarray) -> np.ndarray:
+        """Return the logarithm (n,) float32 of the reflectance at points (n, 3) [m] relative to the usual one."""
+        value = field_at(points, self.cell_m, self.offset_of(self.surfaces))
+        value += np.float32(self.skew) * np.minimum(value, 0)
+        value *= np.float32(self.sigma)
+        return value
 
 
 class ReflectanceField(_Field):

@@ -96,6 +96,22 @@ def test_label_effects_of_a_run_and_of_a_variant_of_it_are_the_same(hamlet_confi
         assert len(frame.labels) == len(frame.exact_labels) and (held >= _MANY).all()
 
 
+def test_variants_keep_the_annotator_of_the_drive(hamlet_config, tmp_path):
+    """Of one who labels nothing; a sensor with label effects of its own uses those."""
+    pattern, nobody = hamlet_config.with_name("small.yaml"), tmp_path / "nobody.yaml"
+    bare, own = tmp_path / "bare.yaml", tmp_path / "own.yaml"
+    nobody.write_text("effects: [{effect: few_points, points: 10000}]\n")
+    bare.write_text(f"pattern: {pattern}\n")
+    own.write_text(f"pattern: {pattern}\neffects: [{{effect: few_points, points: 0}}]\n")
+    record(hamlet_config, tmp_path / "run", frames=2, sensor=str(bare), labels={"annotator": str(nobody)})
+    nobody.unlink()  # the drive has its own copy
+    make_variants(tmp_path / "run", f"{bare},{own}", tmp_path / "v")
+    parts = ("velodyne", "label_2", "label_2_exact")
+    assert checksums(tmp_path / "v" / "bare", *parts) == checksums(tmp_path / "run", *parts)
+    labelled = [len(frame.labels.cared_for) for frame in Drive(tmp_path / "v" / "own")]
+    assert sum(labelled) and not sum(len(frame.labels.cared_for) for frame in Drive(tmp_path / "run"))
+
+
 def test_a_fan_traced_again_in_the_twin_meets_what_was_stored(source_drive, tmp_path):
     """A shift of nothing makes new rays necessary and changes none."""
     own = tmp_path / "traced.yaml"
