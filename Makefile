@@ -7,7 +7,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 SECTIONS := lidar growth stages floor rates sizes memory loop effects
 
-.PHONY: demo test test-lowest slow check docs pictures bench hidden fuzz setup setup-dev clean $(SECTIONS)
+.PHONY: demo test test-lowest slow check docs pictures weights bench hidden fuzz setup setup-dev clean $(SECTIONS)
 
 demo: setup
 	$(COSIM) run --town town01 --frames 12 --seed 1 --workers 2 --out out/demo/drive
@@ -36,6 +36,11 @@ docs:
 
 pictures: setup-dev
 	$(PYTHON) -m tools.pictures  # docs/img: what README and docs show of drives
+
+weights: setup-dev
+	$(COSIM) run training/weights/drive.yaml --out out/weights/drive --workers 2
+	OMP_NUM_THREADS=1 $(COSIM) train training/weights/train.yaml --out out/weights/detector
+	$(PYTHON) -m training.weights out/weights/detector/checkpoint.pt  # training/weights/pillars_small.pt
 
 bench: setup-dev
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench $(filter $(SECTIONS),$(MAKECMDGOALS))  # as workers run
