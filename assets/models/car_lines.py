@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.models.catalogue import ModelSpec
-from assets.models.plan import ARCH_GAP_M, Rounding, arch_rise, plan_outline, sections
+from assets.models.plan import ARCH_GAP_M, arch_rise, plan_outline, sections
 from assets.models.styles import BodyStyle, Line
 
 MIRROR_REACH_M = 0.03  # how far a mirror extends beyond the side
 PLATE_REACH_M = 0.008  # how far a number plate extends beyond the bumper
-_TO_AXLE = 1.1  # longest rounding of an end over its overhang
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def car_lines(spec: ModelSpec, style: BodyStyle) -> CarLines:
     length = spec.length_m - 2 * PLATE_REACH_M
     flank = spec.width_m / 2 - MIRROR_REACH_M
     behind = _sections(spec, style, length)
-    half_width, normal = plan_outline(behind, length, flank, *_roundings(spec, style, length))
+    half_width, normal = plan_outline(behind, length, flank, style.nose, style.tail)
     radius = style.wheel_radius_m(spec) + ARCH_GAP_M
     rise = style.wheel_radius_m(spec) + radius - style.clearance_m
     arch = np.max([arch_rise(behind, axle, radius, rise) for axle in _axles(spec, length)], axis=0)
@@ -86,15 +85,7 @@ def _sections(spec: ModelSpec, style: BodyStyle, length: float) -> np.ndarray:
     edges = [*style.windscreen, *style.backlight, *(edge for pane in style.panes for edge in pane)]
     edges += [np.mean(style.windscreen), np.mean(style.backlight)]
     radius = style.wheel_radius_m(spec) + ARCH_GAP_M
-    nose, tail = _roundings(spec, style, length)
-    return sections(length, nose, tail, _axles(spec, length), radius, np.array(edges) * length, spread=8)
-
-
-def _roundings(spec: ModelSpec, style: BodyStyle, length: float) -> tuple[Rounding, Rounding]:
-    """Roundings of front and rear; they end at the axles, so that the wheels are within the body."""
-    front, rear = _axles(spec, length)
-    nose, tail = style.nose, style.tail
-    return (min(nose[0], _TO_AXLE * front), nose[1]), (min(tail[0], _TO_AXLE * (length - rear)), tail[1])
+    return sections(length, style.nose, style.tail, _axles(spec, length), radius, np.array(edges) * length, spread=8)
 
 
 def _monotone_cubic(knots: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
