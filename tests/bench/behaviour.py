@@ -64,8 +64,9 @@ class Stay:
 def stay(town: str, config: BehaviourConfig, seconds: float, seed: int, tolerance_m: float = 0.0) -> Stay:
     """Simulate and watch a town; one SUMO simulation runs in this process meanwhile."""
     inspector, teleports, counts = Inspector(tolerance_m=tolerance_m), 0, []
-    with Traffic(read_town(town).sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
+    files = read_town(town)
+    with Traffic(files.sumocfg, seed=seed) as traffic:
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05, angled_parking=files.angled_parking)
         steps, ego, rng = round(seconds / traffic.step_s), "", np.random.default_rng(seed)
         for number in range(steps):
             actors = living.step()

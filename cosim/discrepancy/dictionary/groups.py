@@ -16,6 +16,7 @@ from sensors.effects.base import Effect
 # In the order of cause: a misplaced surface also changes intensities, spurious returns and losses, and a weak intensity
 # losses.
 FAMILIES = ("range", "intensity", "returns")
+_NEGLIGIBLE = 0.01  # share of a column's sum of squares that others leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,16 @@ class Group:
     def is_effect(self) -> bool:
         """Whether it is an effect of the catalogue."""
         return self.tangent is not None
+
+    def is_special_case_of(self, other: Group) -> bool:
+        """Whether another group has more columns, of which linear combinations are the columns of this one."""
+        if other.size <= self.size or not self.columns or not self.columns.keys() <= other.columns.keys():
+            return False
+        own = sparse.vstack([self.columns[quantity] for quantity in self.columns])
+        wider = sparse.vstack([other.columns[quantity] for quantity in self.columns])
+        moment = (wider.T @ own).toarray()
+        explained = (moment * np.linalg.lstsq((wider.T @ wider).toarray(), moment, rcond=None)[0]).sum(0)
+        return bool((explained > (1 - _NEGLIGIBLE) * own.power(2).sum(0)).all())
 
     @property
     def is_shared(self) -> bool:

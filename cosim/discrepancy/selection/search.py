@@ -487,13 +487,18 @@ def _complexity(group: Group) -> int:
 
 
 def _rivals(chosen: _Trial, trials: Sequence[_Trial]) -> tuple[str, ...]:
-    """Names of the hypotheses that could replace the chosen one: effects first, each once."""
-    folds = chosen.result.fold_gains
+    """Names of the hypotheses that could replace the chosen one: effects first, each once.
+
+    A hypothesis of which the chosen one is a special case is no alternative: their penalised gains have decided.
+    """
+    folds, group = chosen.result.fold_gains, chosen.result.group
     rivals = [
         other.result.group
         for other in trials
-        if other is not chosen and is_rival(chosen.gain, other.gain, folds, other.result.fold_gains)
+        if other is not chosen
+        and is_rival(chosen.gain, other.gain, folds, other.result.fold_gains)
+        and not group.is_special_case_of(other.result.group)
     ]
-    own = chosen.result.group.hypothesis
+    own = group.hypothesis
     names = [group.hypothesis for group in sorted(rivals, key=lambda group: not group.is_effect)]
     return tuple(dict.fromkeys(name for name in names if name != own))

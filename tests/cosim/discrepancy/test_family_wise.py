@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
+from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.selection.calibration import min_p
 from cosim.discrepancy.selection.gain import gain_difference, is_rival
 
@@ -37,3 +39,17 @@ def test_rivals_have_gains_within_the_error_over_folds() -> None:
     assert gain_difference(chosen, near)[0] < 2 * gain_difference(chosen, near)[1]
     assert is_rival(52.0, 51.0, chosen, near)
     assert not is_rival(52.0, 10.0, chosen, far)
+
+
+def test_a_common_offset_is_a_special_case_of_one_offset_for_each_laser() -> None:
+    """Not of offsets of half of the lasers, nor of a dependence on something else."""
+    rng = np.random.default_rng(4)
+    laser, slope = rng.integers(0, 8, 400), rng.normal(size=400)
+    by_laser = sparse.csr_array(slope[:, None] * (laser[:, None] == np.arange(8)))
+    common = Group("common", "range", (), 1, {"range": sparse.csr_array(slope[:, None])})
+    for columns, is_special in ((by_laser, True), (by_laser[:, :4], False)):
+        wider = Group("by laser", "range", ("laser",), columns.shape[1], {"range": columns})
+        assert common.is_special_case_of(wider) is is_special
+        assert not wider.is_special_case_of(common)
+    returns = Group("returns", "drop", ("laser",), 8, {"drop": by_laser})
+    assert not common.is_special_case_of(returns)

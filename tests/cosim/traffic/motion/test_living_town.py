@@ -27,8 +27,9 @@ def live(
 ) -> tuple[Inspector, list[Event], int, Actors]:
     """A town's first minutes: what was seen, events, teleports, and the last step."""
     inspector, teleports, ego = Inspector(), 0, ""
-    with Traffic(read_town(town).sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
+    files = read_town(town)
+    with Traffic(files.sumocfg, seed=seed) as traffic:
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05, angled_parking=files.angled_parking)
         for number in range(steps):
             actors = living.step()
             teleports += traffic.api.simulation.getStartingTeleportNumber()
