@@ -1,4 +1,7 @@
-"""Builds designed houses: walls with windows, rooms behind the panes, roofs."""
+"""Builds designed houses: walls with windows, rooms behind the panes, roofs, and paths to the doors.
+
+Roofs are unit shapes, stretched to each house by an affine matrix.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,20 @@ import numpy as np
 from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.shapes import box, clean
-from assets.world import roofs
 from assets.world.facades import BLANK, DOOR, WINDOW, Cells, facade_mesh
 from assets.world.houses import House
 from assets.world.instancing import instances, poses
+from assets.world.overlays import Heights, ribbons
 
 _ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
 _DOOR_M = (1.0, 2.1)
 _OVERHANG = {False: (0.03, 0.06), True: (0.0, 0.025)}  # of roofs, at verge and eaves, share of half the house
 _BLIND_SHARE = (0.04, 0.5, 0.55, 0.5)  # bays without a window: front, right, back, left
 _BLIND_YARDS = 0.9  # the same at the back of terraces, which streets do not see
+_LEAST_SETBACK_M = 1.2  # doors nearer to the pavement open onto it
+_PATH_RISE_M = 0.03
+_DOORSTEP_M = (1.5, 0.8)
+_ROOF_THICKNESS = 0.06  # of the unit height
 
 
 def buildings_mesh(houses: list[House], rng: np.random.Generator) -> Mesh:
@@ -107,13 +114,67 @@ def _roofs(houses: list[House]) -> Mesh:
     parts = []
     for (kind, tiles, wall, ridge, terrace), placed in sorted(groups.items(), key=lambda item: item[0]):
         if kind == "gable":
-            template = roofs.gable(tiles, wall, *_OVERHANG[terrace])
+            template = _gable_roof(tiles, wall, *_OVERHANG[terrace])
         elif kind == "hip":
-            template = roofs.hip(tiles, ridge)
+            template = _hip_roof(tiles, ridge)
         else:
-            template = roofs.flat("roof_flat", wall)
+            template = _flat_roof("roof_flat", wall)
         parts.append(instances(clean(template), np.concatenate(placed)))
     return Mesh.merge(parts)
+
+
+def _gable_roof(tiles: str, wall: str, verge: float, eaves: float) -> Mesh:
+    """Two slopes over [−1, 1]² with the ridge along x at height 1; gable walls included.
+
+    Args:
+        tiles, wall: materials.
+        verge, eaves: how far the roof reaches beyond the walls along and across the ridge, as a share.
+    """
+    over_x, over_y = 1.0 + verge, 1.0 + eaves
+    eave = 1.0 - over_y
+    roof = np.array([[s * over_x, y, z] for s in (-1, 1) for y, z in ((-over_y, eave), (0, 1), (over_y, eave))])
+    slopes = [[0, 3, 4, 1], [1, 4, 5, 2]]
+    walls = np.array([[-1, -1, 0], [-1, 1, 0], [-1, 0, 1], [1, -1, 0], [1, 1, 0], [1, 0, 1]], float)
+    sides = Mesh.of(walls, np.array([[0, 2, 1], [3, 4, 5]]), wall)
+    return Mesh.merge([_roof_slab(roof, slopes, tiles), sides])
+
+
+def _hip_roof(tiles: str, ridge: float) -> Mesh:
+    """Four slopes over [−1, 1]² with a ridge from x = −`ridge` to `ridge` at height 1."""
+    over = 1.06
+    eave = 1.0 - over
+    roof = np.array(
+        [
+            [-over, -over, eave], [over, -over, eave], [over, over, eave], [-over, over, eave],
+            [-ridge, 0, 1], [ridge, 0, 1],
+        ]
+    )  # fmt: skip
+    return _roof_slab(roof, [[0, 1, 5, 4], [2, 3, 4, 5], [1, 2, 5], [3, 0, 4]], tiles)
+
+
+def _flat_roof(cover: str, wall: str) -> Mesh:
+    """A deck at height 0 inside a parapet that reaches height 1."""
+    deck = Mesh.of(
+        np.array([[-0.97, -0.97, 0.05], [0.97, -0.97, 0.05], [0.97, 0.97, 0.05], [-0.97, 0.97, 0.05]]),
+        np.array([[0, 1, 2], [0, 2, 3]]),
+        cover,
+    )
+    sides = [box((2.0, 0.05, 1.0), (0, s * 0.975, 0.5), wall) for s in (-1, 1)] + [
+        box((0.05, 1.92, 1.0), (s * 0.975, 0, 0.5), wall) for s in (-1, 1)
+    ]
+    return Mesh.merge([deck, *sides])
+
+
+def _roof_slab(points: np.ndarray, polygons: list[list[int]], material: str) -> Mesh:
+    """Upper faces, the same faces underneath, and the edge between them."""
+    n = len(points)
+    lower = points - [0.0, 0.0, _ROOF_THICKNESS]
+    faces = [[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)]
+    under = [[f[0] + n, f[2] + n, f[1] + n] for f in faces]
+    edges = [(p[k], p[(k + 1) % len(p)]) for p in polygons for k in range(len(p))]
+    rim = [(a, b) for a, b in edges if (b, a) not in edges]
+    band = [t for a, b in rim for t in ([a + n, b + n, b], [a + n, b, a])]
+    return clean(Mesh.of(np.concatenate([points, lower]), np.array(faces + under + band), material))
 
 
 def _chimneys(houses: list[House], rng: np.random.Generator) -> Mesh:
@@ -134,4 +195,27 @@ def _chimneys(houses: list[House], rng: np.random.Generator) -> Mesh:
         parts.append(instances(box((0.6, 0.6, 1.0), (0, 0, 0.5), "brick"), np.concatenate(chimney)))
     if plant:
         parts.append(instances(box((2.4, 1.8, 1.6), (0, 0, 0.8), "steel_galvanised"), np.concatenate(plant)))
+    return Mesh.merge(parts)
+
+
+def entrances_mesh(houses: list[House], land_z: Heights, rng: np.random.Generator) -> Mesh:
+    """Paths from the pavement to the doors and steps up to the ground floors."""
+    homes = [house for house in houses if house.plot.setback_m > _LEAST_SETBACK_M]
+    if not homes:
+        return Mesh.empty()
+    along = np.array([house.plot.along for house in homes])
+    inward = np.array([house.plot.inward for house in homes])
+    gate = np.array([house.plot.front for house in homes]) + along * [[house.door_m] for house in homes]
+    door = gate + inward * [[house.plot.setback_m] for house in homes]
+    paved = rng.random(len(homes)) < 0.6
+    parts = []
+    for material, chosen in (("paving", paved), ("cobble", ~paved)):
+        parts.append(ribbons(gate[chosen], door[chosen], 1.4, lambda xy: land_z(xy) + _PATH_RISE_M, material))
+    middle = door - inward * _DOORSTEP_M[1] / 2
+    foot = land_z(middle) - 0.15
+    tall = np.array([house.floor_m for house in homes]) - foot
+    heading = np.array([house.plot.heading_rad for house in homes])
+    size = np.column_stack([np.full(len(homes), _DOORSTEP_M[0]), np.full(len(homes), _DOORSTEP_M[1]), tall])
+    step = box((1.0, 1.0, 1.0), (0.0, 0.0, 0.5), "concrete")
+    parts.append(instances(step, poses(np.column_stack([middle, foot]), heading, size)[tall > 0.2]))
     return Mesh.merge(parts)

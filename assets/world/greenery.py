@@ -1,4 +1,4 @@
-"""Plants trees along streets, in gardens, in hedgerows and on open land."""
+"""Plants trees along streets, in gardens, in hedgerows and on open land, and climbers on the walls of houses."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.world import polylines
+from assets.world.houses import House
 from assets.world.instancing import instances, poses
 from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
 from assets.world.overlays import Heights, ribbons
 from assets.world.plots import BuildingPlot
 from assets.world.styles import TownStyle
-from assets.world.trees import broadleaf, bush, conifer, shrub
+from assets.world.trees import broadleaf, bush, climber, conifer, shrub
 
 _VARIANTS = 6
 _TREE_TAKES_M = 1.8
@@ -36,6 +37,9 @@ _OPEN_LAND_PER_M2 = 4e-4
 _OPEN_LAND_MOST = 220
 _WOODS_ROWS_M = (2.5, 8.0, 14.0)  # distances from the border of the land
 _WOODS_GAP_M = 6.5
+_CLIMBER_VARIANTS = 4
+_CLIMBER_PATCH_M = ((1.5, 5.0), (1.8, 5.0))  # width and height
+_CLIMBER_SIDES = 3  # the front and the two side walls; terraced houses have only the front
 
 
 def trees_mesh(
@@ -229,3 +233,40 @@ def _scatter(templates: list[Mesh], spots: np.ndarray, stand_z: Heights, rng: np
     yaw, scale = rng.uniform(0, 2 * np.pi, len(spots)), rng.uniform(0.85, 1.15, len(spots))
     placed = poses(np.column_stack([spots, stand_z(spots) - 0.03]), yaw, scale)
     return Mesh.merge([instances(template, placed[choice == k]) for k, template in enumerate(templates)])
+
+
+def climbers_mesh(houses: list[House], stand_z: Heights, share: float, rng: np.random.Generator) -> Mesh:
+    """A patch of leaves on a wall of some houses; `stand_z` gives the height of the ground."""
+    patches = [
+        climber(rng, float(rng.uniform(*_CLIMBER_PATCH_M[0])), float(rng.uniform(*_CLIMBER_PATCH_M[1])))
+        for _ in range(_CLIMBER_VARIANTS)
+    ]
+    widths = [float(patch.vertices[:, 0].max()) for patch in patches]
+    placed: list[list[np.ndarray]] = [[] for _ in patches]
+    for house in houses:
+        drawn, which, wall, position = (
+            rng.random(),
+            int(rng.integers(_CLIMBER_VARIANTS)),
+            int(rng.integers(_CLIMBER_SIDES)),
+            rng.random(),
+        )
+        if drawn >= share:
+            continue
+        corners = house.plot.corners()
+        side = 0 if house.terrace else (0, 1, 3)[wall]
+        start, end = corners[side], corners[(side + 1) % 4]
+        length = float(np.linalg.norm(end - start))
+        free = length - widths[which]
+        if free <= 0:
+            continue
+        along = (end - start) / length
+        pose = np.eye(4)
+        pose[:2, 0], pose[:2, 1] = -along, [along[1], -along[0]]  # y out of the wall
+        pose[:2, 3] = start + along * (position * free + widths[which])
+        pose[2, 3] = float(stand_z(pose[None, :2, 3])[0])
+        tallest = house.eaves_m - pose[2, 3]
+        pose[2, 2] = min(1.0, tallest / float(patches[which].vertices[:, 2].max()))
+        placed[which].append(pose)
+    return Mesh.merge(
+        [instances(patch, np.stack(subset)) for patch, subset in zip(patches, placed, strict=True) if subset]
+    )

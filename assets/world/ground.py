@@ -1,4 +1,4 @@
-"""The ground as one conforming triangulation: carriageway, pavement and terrain meet edge to edge."""
+"""The ground as one conforming triangulation of carriageway, pavement and terrain, and the materials of terrain."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import shapely
 from scipy.spatial import Delaunay, KDTree
 from shapely import Geometry
 
+from assets.materials import material_index
+from assets.world.styles import TownStyle
 from assets.world.surfaces import Outlines
 
 ROAD_EDGE_M = 2.0  # edge length of carriageway triangles
@@ -17,6 +19,9 @@ _TERRAIN = ((1.5, 2.5), (3.0, 8.0), (5.0, 30.0), (12.0, np.inf))
 _SHORTEST_M = 0.12
 
 CARRIAGEWAY, PAVEMENT, TERRAIN = 0, 1, 2
+_PATCH_M = 22.0  # size of soil or gravel patches
+_PATCH_LEVEL = 0.72
+_GREEN_FROM_M = 45.0  # beyond the outermost street the land is grass
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,3 +144,27 @@ def _hexagonal(low: np.ndarray, high: np.ndarray, edge_m: float) -> np.ndarray:
     xs[1::2] += edge_m / 2
     inside = xs <= high[0] - edge_m / 3
     return np.stack([xs[inside], ys[inside]], axis=1)
+
+
+def terrain_materials(
+    plan: SurfacePlan, style: TownStyle, town_low: np.ndarray, town_high: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Material row (t,) of every terrain triangle: the style's usual ground, patches, and fields outside.
+
+    Args:
+        plan: the triangulated plan.
+        style: ground materials.
+        town_low, town_high: (2,) corners around all streets, world metres.
+        rng: source of the patches.
+    """
+    from scipy.ndimage import map_coordinates
+
+    centre = plan.points[plan.faces[plan.zone == TERRAIN]].mean(1)
+    low, high = plan.points.min(0), plan.points.max(0)
+    cells = np.ceil((high - low) / _PATCH_M).astype(int) + 4
+    noise = map_coordinates(rng.random(tuple(cells)), ((centre - low) / _PATCH_M).T + 1.0, order=1)
+    usual, patch = (material_index(name) for name in style.ground)
+    material = np.where(noise > _PATCH_LEVEL, patch, usual)
+    outside = ((centre < town_low - _GREEN_FROM_M) | (centre > town_high + _GREEN_FROM_M)).any(1)
+    field = np.where(noise > _PATCH_LEVEL, material_index("soil"), material_index("grass"))
+    return np.where(outside, field, material).astype(np.uint8)

@@ -8,8 +8,7 @@ import shapely
 
 from assets.materials import material_index
 from assets.world import roadside
-from assets.world.climbers import climbers_mesh
-from assets.world.greenery import trees_mesh
+from assets.world.greenery import climbers_mesh, trees_mesh
 from assets.world.houses import design
 from assets.world.kerbside import kerbside
 from assets.world.lines import overhead_lines, wire
