@@ -8,7 +8,7 @@ import shapely
 from assets.mesh import Mesh
 from assets.streets import StreetLane, Streets
 from assets.world import polylines
-from assets.world.overlays import Heights, ribbons
+from assets.world.ground.overlays import Heights, ribbons
 
 GAUGE_M = 1.435  # between the inner faces of the rails
 RAIL_M = 0.067  # width of a rail's head

@@ -6,8 +6,8 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box, extrude, tube
-from assets.world.furniture import pole
-from assets.world.sign_faces import sign_face
+from assets.world.furniture.sign_faces import sign_face
+from assets.world.furniture.street_furniture import pole
 
 _PLATE_M = 0.02
 _POST_M = 0.03

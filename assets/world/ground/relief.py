@@ -10,9 +10,9 @@ from shapely import Geometry
 
 from assets.materials import material_index
 from assets.mesh import Mesh
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, ROAD_EDGE_M, TERRAIN, SurfacePlan, zone_borders
-from assets.world.overlays import ribbons
-from assets.world.sheet import Sheet
+from assets.world.ground.overlays import ribbons
+from assets.world.ground.plan import CARRIAGEWAY, PAVEMENT, ROAD_EDGE_M, TERRAIN, SurfacePlan, zone_borders
+from assets.world.ground.sheet import Sheet
 
 KERB_M = 0.12
 LOWERED_KERB_M = 0.02  # at crossings

@@ -6,11 +6,11 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import tube
-from assets.world import roadside
+from assets.world.furniture import roadside
+from assets.world.ground.overlays import Heights
 from assets.world.instancing import instances, poses
-from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights
+from assets.world.roads.kerbside import Kerbside
 
 _SPAN_M = (30.0, 42.0)
 _POLES = (3, 9)

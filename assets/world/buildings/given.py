@@ -11,7 +11,7 @@ from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.shapes import plate
 from assets.streets import StreetBuilding
-from assets.world.facades import BLANK, WINDOW, Cells, facade_mesh
+from assets.world.buildings.facades import BLANK, WINDOW, Cells, facade_mesh
 from assets.world.styles import TownStyle
 
 _FOUNDATION_M, _FLOOR_M = 0.6, 0.15

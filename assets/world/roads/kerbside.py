@@ -9,7 +9,7 @@ import shapely
 
 from assets.streets import Streets
 from assets.world import polylines
-from assets.world.surfaces import Outlines, crossroads
+from assets.world.roads.surfaces import Outlines, crossroads
 
 _STEP_M = 1.0
 _WIDEST_PAVEMENT_M = 6.0

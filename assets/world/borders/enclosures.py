@@ -8,13 +8,13 @@ from shapely import Geometry, STRtree
 
 from assets.streets import Streets
 from assets.world import polylines
-from assets.world.borders import Borders
-from assets.world.fences import PIECE_M, TALL_KINDS
-from assets.world.houses import House
+from assets.world.borders.fences import PIECE_M, TALL_KINDS
+from assets.world.borders.gardens import Borders
+from assets.world.buildings.houses import House
+from assets.world.buildings.plots import land_on_left
 from assets.world.obstacles import Obstacles
-from assets.world.plots import land_on_left
+from assets.world.roads.surfaces import Outlines, crossroads, open_roads
 from assets.world.styles import TownStyle
-from assets.world.surfaces import Outlines, crossroads, open_roads
 
 _RUN_M = (12.0, 48.0)  # length of one kind and height
 _GATEWAY_M = (3.0, 5.0)

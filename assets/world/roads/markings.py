@@ -11,7 +11,7 @@ from shapely import Geometry
 from assets.mesh import Mesh
 from assets.streets import ParkingBay, StopLine, StreetLane, Streets
 from assets.world import polylines
-from assets.world.overlays import Heights, discs, ribbons
+from assets.world.ground.overlays import Heights, discs, ribbons
 
 PAINT_RISE_M = 0.004
 _PATCH_RISE_M, _LID_RISE_M = 0.002, 0.003

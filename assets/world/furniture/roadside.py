@@ -9,7 +9,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box, cylinder, extrude, tube
-from assets.world.furniture import pole
+from assets.world.furniture.street_furniture import pole
 
 _INSULATORS_M = (-0.65, -0.3, 0.3, 0.65)  # across the line
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box, cylinder
-from assets.world.furniture import Seat, pole
-from assets.world.trees import bush
+from assets.world.furniture.street_furniture import Seat, pole
+from assets.world.plants.trees import bush
 
 TABLE_SEATS: tuple[Seat, ...] = ((0.70, 0.0, 180.0), (-0.70, 0.0, 0.0))
 _WHEEL_M = 0.33

@@ -10,10 +10,10 @@ import numpy as np
 from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.shapes import box, clean
-from assets.world.facades import BLANK, DOOR, WINDOW, Cells, facade_mesh
-from assets.world.houses import House
+from assets.world.buildings.facades import BLANK, DOOR, WINDOW, Cells, facade_mesh
+from assets.world.buildings.houses import House
+from assets.world.ground.overlays import Heights, ribbons
 from assets.world.instancing import instances, poses
-from assets.world.overlays import Heights, ribbons
 
 _ROOM_DEPTH_M = 0.6  # from the façade to the dark wall behind its panes
 _DOOR_M = (1.0, 2.1)

@@ -7,7 +7,7 @@ import numpy as np
 from assets.mesh import Mesh
 from assets.shapes import box, cylinder
 from assets.world.instancing import instances
-from assets.world.trees import hedge
+from assets.world.plants.trees import hedge
 
 PIECE_M = {
     "picket": 2.0,

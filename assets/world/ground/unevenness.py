@@ -12,7 +12,7 @@ import zlib
 import numpy as np
 from scipy.spatial import KDTree
 
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN, SurfacePlan, zone_borders
+from assets.world.ground.plan import CARRIAGEWAY, PAVEMENT, TERRAIN, SurfacePlan, zone_borders
 
 _CROSSFALL, _FALLS_FROM_M = 0.015, 4.0  # rise over run towards the gutter, from this far on either side
 _SETTLED_M = 0.009  # deviation of each octave on all ground

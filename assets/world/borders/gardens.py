@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
-from assets.world.houses import House
+from assets.world.borders.fences import OPEN_KINDS, PIECE_M, fences_mesh, line_of
+from assets.world.buildings.houses import House
+from assets.world.ground.overlays import Heights
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights
 from assets.world.styles import TownStyle
 
 _SIDE_SHARE = 0.75  # fenced plots with a border between neighbours too

@@ -8,11 +8,12 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.streets import StopLine, StreetLane, Streets
-from assets.world import furniture, polylines, signs
+from assets.world import polylines
+from assets.world.furniture import signs, street_furniture
+from assets.world.ground.overlays import Heights
 from assets.world.instancing import instances, poses
-from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights
+from assets.world.roads.kerbside import Kerbside
 from assets.world.styles import TownStyle
 
 _KERB_SETBACK_M = 0.4  # distance of poles from the kerb
@@ -120,7 +121,7 @@ def _speed_signs(streets: Streets, blocked: Obstacles, stand_z: Heights, rng: np
 
 def _lamps(edge: Kerbside, blocked: Obstacles, stand_z: Heights, style: TownStyle, rng: np.random.Generator) -> Mesh:
     rows = edge.every(style.lamp_gap_m, rng)
-    lamp = furniture.street_lamp(float(rng.uniform(5.0, 8.0)), float(rng.uniform(0.6, 1.6)))
+    lamp = street_furniture.street_lamp(float(rng.uniform(5.0, 8.0)), float(rng.uniform(0.6, 1.6)))
     return _at_kerb(lamp, rows, _KERB_SETBACK_M, 0.3, edge, blocked, stand_z)
 
 

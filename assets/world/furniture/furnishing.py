@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 
 from assets.mesh import Mesh
-from assets.world import furniture, roadside, street_life
 from assets.world.environment import Environment
+from assets.world.furniture import roadside, street_furniture, street_life
+from assets.world.furniture.lines import overhead_lines
+from assets.world.ground.overlays import Heights
 from assets.world.instancing import instances, poses
-from assets.world.kerbside import Kerbside
-from assets.world.lines import overhead_lines
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights
+from assets.world.roads.kerbside import Kerbside
 from assets.world.styles import TownStyle
 
 _VARIANTS = 3
@@ -43,24 +43,26 @@ class _Prop:
     place: Literal["kerb", "back", "corner", "behind"]
     radius_m: float
     pavement_m: float = 1.2
-    seats: tuple[furniture.Seat, ...] = ()
+    seats: tuple[street_furniture.Seat, ...] = ()
 
 
 _PROPS: dict[str, _Prop] = {
-    "bus_stop": _Prop(lambda _: furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3, seats=furniture.SHELTER_SEATS),
+    "bus_stop": _Prop(
+        lambda _: street_furniture.bus_shelter(), 0.10, 0.06, "behind", 2.3, seats=street_furniture.SHELTER_SEATS
+    ),
     "market_stall": _Prop(street_life.market_stall, 0.18, 0.0, "back", 1.4, 3.3),
     "table": _Prop(lambda _: street_life.cafe_table(), 0.5, 0.02, "back", 1.0, 2.9, street_life.TABLE_SEATS),
-    "litter_bin": _Prop(lambda _: furniture.litter_bin(), 0.9, 0.5, "kerb", 0.3),
-    "hydrant": _Prop(lambda _: furniture.hydrant(), 0.4, 0.3, "kerb", 0.25),
-    "cabinet": _Prop(lambda rng: furniture.cabinet(float(rng.uniform(0.7, 1.5))), 0.5, 0.3, "back", 0.6),
-    "bench": _Prop(lambda _: furniture.bench(), 0.6, 0.2, "back", 0.8, seats=furniture.BENCH_SEATS),
-    "parking_meter": _Prop(lambda _: furniture.parking_meter(), 0.5, 0.15, "kerb", 0.2),
-    "wheelie_bin": _Prop(lambda _: furniture.wheelie_bin(), 0.7, 0.9, "back", 0.35),
+    "litter_bin": _Prop(lambda _: street_furniture.litter_bin(), 0.9, 0.5, "kerb", 0.3),
+    "hydrant": _Prop(lambda _: street_furniture.hydrant(), 0.4, 0.3, "kerb", 0.25),
+    "cabinet": _Prop(lambda rng: street_furniture.cabinet(float(rng.uniform(0.7, 1.5))), 0.5, 0.3, "back", 0.6),
+    "bench": _Prop(lambda _: street_furniture.bench(), 0.6, 0.2, "back", 0.8, seats=street_furniture.BENCH_SEATS),
+    "parking_meter": _Prop(lambda _: street_furniture.parking_meter(), 0.5, 0.15, "kerb", 0.2),
+    "wheelie_bin": _Prop(lambda _: street_furniture.wheelie_bin(), 0.7, 0.9, "back", 0.35),
     "box": _Prop(street_life.boxes, 0.4, 0.15, "back", 0.7),
     "planter": _Prop(street_life.planter, 0.7, 0.15, "back", 0.45),
     "bicycle": _Prop(street_life.parked_bicycle, 0.8, 0.25, "back", 0.75),
     "fence": _Prop(lambda _: street_life.guard_rail(), 0.25, 0.1, "kerb", 2.0),
-    "bollard": _Prop(lambda _: furniture.bollard(), 0.6, 0.15, "corner", 0.5),
+    "bollard": _Prop(lambda _: street_furniture.bollard(), 0.6, 0.15, "corner", 0.5),
     "trailer": _Prop(roadside.trailer, 0.08, 0.15, "behind", 2.0),
     "skip": _Prop(roadside.skip, 0.06, 0.06, "behind", 2.0),
     "glass_bank": _Prop(roadside.glass_banks, 0.06, 0.05, "behind", 2.0),
@@ -95,7 +97,7 @@ def furnish(
     return Mesh.merge(parts), np.concatenate(seats)
 
 
-def _seat_poses(seats: tuple[furniture.Seat, ...]) -> np.ndarray:
+def _seat_poses(seats: tuple[street_furniture.Seat, ...]) -> np.ndarray:
     """Poses (k, 4, 4) of seats in the axes of their template."""
     x, y, view_deg = np.array(seats).reshape(-1, 3).T
     return poses(np.column_stack([x, y, np.zeros(len(x))]), np.radians(view_deg))

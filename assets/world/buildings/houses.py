@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assets.world.plots import BuildingPlot
+from assets.world.buildings.plots import BuildingPlot
 from assets.world.styles import TownStyle
 
 _FOUNDATION_M = 0.6  # walls reach this far under the lowest ground

@@ -8,14 +8,14 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.world import polylines
-from assets.world.houses import House
+from assets.world.buildings.houses import House
+from assets.world.buildings.plots import BuildingPlot
+from assets.world.ground.overlays import Heights, ribbons
 from assets.world.instancing import instances, poses
-from assets.world.kerbside import Kerbside
 from assets.world.obstacles import Obstacles
-from assets.world.overlays import Heights, ribbons
-from assets.world.plots import BuildingPlot
+from assets.world.plants.trees import broadleaf, bush, climber, conifer, shrub
+from assets.world.roads.kerbside import Kerbside
 from assets.world.styles import TownStyle
-from assets.world.trees import broadleaf, bush, climber, conifer, shrub
 
 _VARIANTS = 6
 _TREE_TAKES_M = 1.8

@@ -10,8 +10,8 @@ from scipy.spatial import Delaunay, KDTree
 from shapely import Geometry
 
 from assets.materials import material_index
+from assets.world.roads.surfaces import Outlines
 from assets.world.styles import TownStyle
-from assets.world.surfaces import Outlines
 
 ROAD_EDGE_M = 2.0  # edge length of carriageway triangles
 # edge lengths of terrain's triangles, each up to a distance from the streets
