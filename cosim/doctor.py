@@ -30,7 +30,7 @@ _RAYS = (
     "assert hit[0] == 0, hit; import importlib.metadata as m; print('embreex', m.version('embreex'))"
 )
 _DRAWING = (
-    "from sensors.cameras.backend import select_backend; select_backend({backend!r});"
+    "from sensors.cameras.renderer import select_backend; select_backend({backend!r});"
     "from sensors.cameras.context import open_context; from OpenGL import GL;"
     "context = open_context(8, 8);"
     "print(GL.glGetString(GL.GL_VERSION).decode())"

@@ -1,4 +1,4 @@
-"""Street geometry from SUMO's files."""
+"""Street geometry from SUMO's files; netconvert's outlines that cross themselves are repaired."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import shapely
 
 from assets.streets import LaneUse, ParkingBay, StopLine, StreetArea, StreetLane, Streets
 from sumo_nets import polyline
 from sumo_nets.errors import TownError
 from sumo_nets.lanes import RAILWAYS, has_tracks, points, use_of
-from sumo_nets.outline import simple_outlines
 from sumo_nets.scenery import read_scenery
 from sumo_nets.xml_guard import read_xml
 
 _DEFAULT_PARKING_WIDTH_M = 3.2
 _OFF_THE_ROAD = {"rail": RAILWAYS, "water": frozenset({"ship"}), "air": frozenset({"aircraft", "drone"})}
+_SAME_POINT_M = 0.03
+_SPECK_M2 = 0.05
 
 
 def read_network(net: Path) -> Any:
@@ -194,3 +196,39 @@ def _comes_from_another_street(link: Any, edge: Any) -> bool:
     other = link.getFrom()
     drives = use_of(other, link.getFromLane()) == "drive" and not other.getFunction()
     return drives and other is not edge and link.getDirection() != "t"
+
+
+def simple_outlines(points: np.ndarray) -> list[np.ndarray]:
+    """Return the outline, (k, 3) and not closed, as polygons that do not cross themselves, largest first.
+
+    A self-intersecting outline is split into pieces; tiny pieces are left out. Corners that are new take their
+    height from the outline they lie on.
+    """
+    outline = _without_repeats(points)
+    if len(outline) < 3:
+        return []
+    polygon = shapely.Polygon(outline[:, :2])
+    if polygon.is_valid:
+        return [outline]
+    pieces = shapely.get_parts(shapely.get_parts(shapely.make_valid(polygon)))  # collections may hold several polygons
+    parts = [part for part in pieces if isinstance(part, shapely.Polygon) and part.area > _SPECK_M2]
+    parts.sort(key=lambda part: -part.area)
+    corners = [_without_repeats(np.array(part.exterior.coords)) for part in parts]
+    return [np.column_stack([xy, _heights_along(outline, xy)]) for xy in corners if len(xy) >= 3]
+
+
+def _without_repeats(points: np.ndarray) -> np.ndarray:
+    kept: list[np.ndarray] = []
+    for point in points:
+        if not kept or np.linalg.norm(point[:2] - kept[-1][:2]) > _SAME_POINT_M:
+            kept.append(point)
+    while len(kept) > 1 and np.linalg.norm(kept[-1][:2] - kept[0][:2]) <= _SAME_POINT_M:
+        kept.pop()
+    return np.array(kept)
+
+
+def _heights_along(outline: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    closed = np.vstack([outline, outline[:1]])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed[:, :2], axis=0), axis=1))])
+    ring = shapely.LineString(closed[:, :2])
+    return np.interp([ring.project(shapely.Point(p)) for p in xy], along, closed[:, 2])

@@ -1,17 +1,19 @@
-"""Preparation of a user's SUMO scenario, without its output files."""
+"""Preparation of a user's SUMO scenario, without its output files, by the options of the installed SUMO."""
 
 from __future__ import annotations
 
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from sumo_nets.cleaning import Cleaning, named_files, summary
 from sumo_nets.errors import TownError
-from sumo_nets.options import list_options
 from sumo_nets.sumo_files import write_xml
+from sumo_nets.tools import run_tool
 from sumo_nets.xml_guard import read_xml
 
 _SECTIONS_LEFT_OUT = frozenset({"output", "report", "traci_server", "gui_only", "ssm_device", "mesoscopic"})
@@ -100,7 +102,7 @@ def read_scenario(config: Path) -> Scenario:
     options: dict[str, str] = {}
     given, unknown = _given(root)
     for name, value in given:
-        option = list_options()[name]
+        option = _list_options()[name]
         if option.section == "configuration":
             raise TownError(f"{config}: <{name}> names another configuration; copy what it holds into this one")
         if option.name in _XML_INPUTS:
@@ -120,11 +122,11 @@ def read_scenario(config: Path) -> Scenario:
 def _given(root: ET.Element) -> tuple[list[tuple[str, str]], list[str]]:
     """Options and values, whatever sections they are listed in; and names that are none."""
     found = []
-    sections = {option.section for option in list_options().values()} | {root.tag}
+    sections = {option.section for option in _list_options().values()} | {root.tag}
     unknown = []
     for element in root.iter():
         name = str(element.tag)
-        if element is not root and name in list_options():
+        if element is not root and name in _list_options():
             text = element.get("value") or element.get("v") or (element.text or "").strip()
             found.append((name, text))
         elif name not in sections and len(element) == 0:
@@ -143,3 +145,38 @@ def _xml_files(option: str, value: str, config: Path, cleaning: Cleaning) -> tup
 
 def _absolute(value: str, config: Path, cleaning: Cleaning, name: str) -> str:
     return ",".join(str(cleaning.within(one, config, f"<{name}>")) for one in named_files(value))
+
+
+@dataclass(frozen=True)
+class _Option:
+    """One option of a `.sumocfg`.
+
+    Attributes:
+        name: the one that SUMO lists it under, of several.
+        section: SUMO's heading for it, such as `input`, `output` or `processing`.
+        is_file: whether its value names files.
+    """
+
+    name: str
+    section: str
+    is_file: bool
+
+
+@lru_cache(maxsize=1)
+def _list_options() -> Mapping[str, _Option]:
+    """Every name of every option, short and outdated ones too.
+
+    Raises:
+        TownError: SUMO cannot be run.
+    """
+    with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
+        template = Path(folder) / "template.xml"
+        run_tool("sumo", "--save-template", template)
+        root = read_xml(template, "sumoConfiguration", "configuration")
+    found: dict[str, _Option] = {}
+    for section in root:
+        for element in section:
+            option = _Option(element.tag, section.tag, element.get("type") == "FILE")
+            names = [element.tag, *element.get("synonymes", "").split(), *element.get("deprecated", "").split()]
+            found |= dict.fromkeys(names, option)
+    return found

@@ -20,7 +20,7 @@ _FETCHED = re.compile(r'<script src="https?://[^"]*"></script>')
 def on_files(files: Files, config: Any) -> Files:
     """Add the generated pages."""
     from cosim.cli.main import make_parser
-    from sensors.effects.catalogue import built_in_effects
+    from sensors.effects.registry import built_in_effects
 
     made = {
         "commands.md": commands_page(make_parser()),

@@ -1,7 +1,8 @@
-"""The training loop."""
+"""The training loop, and its learning rates: one cycle (Smith & Topin, "Super-Convergence", 2018)."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +23,6 @@ from training.errors import TrainingError
 from training.logs import TrainingLog
 from training.models.build import build_detector
 from training.models.detector import Detector
-from training.schedule import OneCycle
 
 CHECKPOINT = "checkpoint.pt"
 _NOT_DECISIVE = {
@@ -202,3 +202,34 @@ class Training:
 def decisive_settings(config: TrainConfig) -> dict[str, Any]:
     """Settings that determine the losses."""
     return config.model_dump(mode="json", exclude=_NOT_DECISIVE)
+
+
+@dataclass(frozen=True)
+class OneCycle:
+    """Learning rate that rises, then falls; Adam's first beta falls, then rises.
+
+    Attributes:
+        highest: maximum learning rate.
+        steps: number of steps of the training.
+    """
+
+    highest: float
+    steps: int
+    rising: float = 0.4
+    begin_share: float = 0.1
+    end_share: float = 1e-4
+    betas: tuple[float, float] = (0.95, 0.85)
+
+    def at(self, step: int) -> tuple[float, float]:
+        """Learning rate and first beta of a step, counted from 0."""
+        peak = max(1.0, self.rising * self.steps)
+        slow, fast = self.betas
+        if step < peak:
+            share = step / peak
+            return _eased(self.begin_share * self.highest, self.highest, share), _eased(slow, fast, share)
+        share = min(1.0, (step - peak) / max(1.0, self.steps - peak))
+        return _eased(self.highest, self.end_share * self.highest, share), _eased(fast, slow, share)
+
+
+def _eased(begin: float, end: float, share: float) -> float:
+    return end + (begin - end) * (1 + math.cos(math.pi * share)) / 2

@@ -9,25 +9,22 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.streets import Streets
-from assets.world.borders import garden_borders
-from assets.world.buildings import buildings_mesh
-from assets.world.climbers import climbers_mesh
-from assets.world.enclosures import enclose
-from assets.world.entrances import entrances_mesh
+from assets.world.borders.enclosures import enclose
+from assets.world.borders.gardens import garden_borders
+from assets.world.buildings.construction import buildings_mesh, entrances_mesh
+from assets.world.buildings.given import given_buildings
+from assets.world.buildings.houses import design
+from assets.world.buildings.plots import lay_out
 from assets.world.environment import Environment
-from assets.world.furnishing import furnish
-from assets.world.given import given_buildings
-from assets.world.greenery import hedgerow_trees, planted_trees, trees_mesh
-from assets.world.ground import TERRAIN
+from assets.world.furniture.furnishing import furnish
+from assets.world.furniture.props import SignalHead, props_mesh
+from assets.world.ground.plan import TERRAIN, terrain_materials
+from assets.world.ground.sheet import Sheet
 from assets.world.groundwork import Groundwork, lay_groundwork
-from assets.world.houses import design
-from assets.world.markings import repairs_mesh
 from assets.world.obstacles import Obstacles
-from assets.world.plots import lay_out
-from assets.world.props import SignalHead, props_mesh
-from assets.world.sheet import Sheet
+from assets.world.plants.greenery import climbers_mesh, hedgerow_trees, planted_trees, trees_mesh
+from assets.world.roads.markings import repairs_mesh
 from assets.world.styles import style_of
-from assets.world.terrain import terrain_materials
 
 
 @dataclass(frozen=True, eq=False)

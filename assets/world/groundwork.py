@@ -11,16 +11,16 @@ from shapely import Geometry
 from assets.cache import cached
 from assets.mesh import Mesh
 from assets.streets import Streets
-from assets.world.bridges import decks_mesh, split_levels
-from assets.world.ground import CARRIAGEWAY, TERRAIN, SurfacePlan, triangulate
-from assets.world.height_field import fit_height_field
-from assets.world.kerbside import Kerbside, kerbside
-from assets.world.markings import markings_mesh
-from assets.world.relief import TerrainRelief, ground_mesh, kerb_stones
-from assets.world.sheet import Sheet
-from assets.world.surfaces import Outlines, open_roads, outline
-from assets.world.tracks import tracks_mesh
-from assets.world.unevenness import unevenness
+from assets.world.ground.height_field import fit_height_field
+from assets.world.ground.plan import CARRIAGEWAY, TERRAIN, SurfacePlan, triangulate
+from assets.world.ground.relief import TerrainRelief, ground_mesh, kerb_stones
+from assets.world.ground.sheet import Sheet
+from assets.world.ground.unevenness import unevenness
+from assets.world.roads.bridges import decks_mesh, split_levels
+from assets.world.roads.kerbside import Kerbside, kerbside
+from assets.world.roads.markings import markings_mesh
+from assets.world.roads.surfaces import Outlines, open_roads, outline
+from assets.world.roads.tracks import tracks_mesh
 
 _MARGIN_M = 120.0  # land beyond the streets
 

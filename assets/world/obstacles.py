@@ -9,9 +9,9 @@ from shapely import Geometry, STRtree
 
 from assets.streets import Streets
 from assets.world import polylines
-from assets.world.given import outline_polygon
-from assets.world.plots import BuildingPlot
-from assets.world.surfaces import Outlines
+from assets.world.buildings.given import outline_polygon
+from assets.world.buildings.plots import BuildingPlot
+from assets.world.roads.surfaces import Outlines
 
 _WALKING_LINE_M = 0.45  # kept free on either side of a sidewalk's centre line
 _CROSSING_M = 1.2  # kept free around crossings

@@ -1,8 +1,9 @@
-"""Measure the world at one instant with every sensor of the rig and write the frame."""
+"""Measure the world at one instant with every sensor of the rig and write the frame in the background."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -10,15 +11,15 @@ import numpy as np
 from assets import MATERIALS, Mesh, build_model
 from assets.external import load_external
 from assets.ranges import draw
-from cosim.capture.background import BackgroundWriter
 from cosim.capture.config import RunConfig
 from cosim.capture.mast import Mast
 from cosim.capture.placed_rig import place_rig
 from cosim.capture.plan import EpisodePlan, plan_episodes, world_count
-from cosim.capture.product_files import encode_products
+from cosim.capture.products import camera_of, kind_of
 from cosim.capture.rig_cameras import RigCameras
 from cosim.capture.rig_lidars import RigLidars
 from cosim.capture.rig_sensors import measuring_rng
+from cosim.drives.kitti.images import encode_depth, encode_gray, encode_instances, encode_rgb
 from cosim.drives.kitti.labels import DONT_CARE, format_labels, parse_labels
 from cosim.drives.kitti.oxts import format_oxts
 from cosim.drives.twin import Ego, Instance, InstanceTexts, TwinFrame, encode_glb, format_materials
@@ -31,6 +32,7 @@ from cosim.scene.seated import seat_persons
 from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
+from sensors.cameras import Images, semantic_image
 from sensors.cameras.texture import fields_of
 from sensors.scene import Instances
 from sensors.sensor_model import SensorModel
@@ -41,6 +43,13 @@ _RIG_STREAM = 2  # random stream of the rig jitter, independent of the measureme
 _SEATED_STREAM = 6
 _LABELS = "label_2"
 _WORLD_MATERIALS = tuple(name for name, material in MATERIALS.items() if not material.glow)
+_IMAGE_ENCODERS: Mapping[str, Callable[[Images, tuple[str, ...]], bytes]] = {
+    "gray": lambda images, _: encode_gray(images.gray),
+    "image": lambda images, _: encode_rgb(images.rgb),
+    "depth": lambda images, _: encode_depth(images.depth_m),
+    "semantic": lambda images, kinds: encode_gray(semantic_image(images, kinds)),
+    "instance": lambda images, _: encode_instances(images.instance),
+}
 
 
 class Recorder:
@@ -211,7 +220,7 @@ class Recorder:
             if camera != self._rig.reference:
                 files[f"label_{camera}/{name}.txt"] = format_labels(camera_labels, LABEL_DECIMALS).encode()
         gray = {name for name, camera in self._cameras.used.items() if camera.kind == "gray"}
-        files |= encode_products(self._config.images, rendered.images, gray, others.kinds, name)
+        files |= _encode_products(self._config.images, rendered.images, gray, others.kinds, name)
         if self._sensor.relabels:
             files[f"{EXACT}/{name}.txt"] = exact_text.encode()
         if self._config.store_hits:
@@ -288,6 +297,25 @@ class Recorder:
             self._written_models.add(name)
 
 
+class BackgroundWriter:
+    """Runs tasks in one background thread, in the order of submission."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1)
+        self._last: Future[None] | None = None
+
+    def do(self, work: Callable[[], None]) -> None:
+        """Wait for the previous task, then start this one; re-raises an exception of the previous task."""
+        self.wait()
+        self._last = self._thread.submit(work)
+
+    def wait(self) -> None:
+        """Wait until the last task is done; re-raises its exception once."""
+        last, self._last = self._last, None
+        if last is not None:
+            last.result()
+
+
 def _ego(actors: Actors, row: int, pose: np.ndarray) -> Ego:
     """Pose and motion of the vehicle that carries the sensors."""
     speed, yaw_rate = float(actors.speed_mps[row]), float(actors.yaw_rate_radps[row])
@@ -316,3 +344,23 @@ def _twin_instances(instances: Instances) -> tuple[Instance, ...]:
         instances.paint.tolist(),
     )
     return tuple(Instance(*values) for values in zip(*columns, strict=True))
+
+
+def _encode_products(
+    products: Sequence[str], images: Mapping[str, Images], gray: Collection[str], types: tuple[str, ...], name: str
+) -> dict[str, bytes]:
+    """Encode the images of a frame; returns file contents by path.
+
+    Args:
+        products: names of the image folders.
+        images: images by camera.
+        gray: names of the grayscale cameras.
+        types: kinds of the instances in the images.
+        name: name of the frame.
+    """
+    files = {}
+    for product in products:
+        kind, camera = kind_of(product), camera_of(product)
+        encode = _IMAGE_ENCODERS["gray" if kind == "image" and camera in gray else kind]
+        files[f"{product}/{name}.png"] = encode(images[camera], types)
+    return files

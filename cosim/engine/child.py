@@ -5,17 +5,19 @@ from __future__ import annotations
 import gc
 import os
 import queue
+import resource
 import signal
 import sys
 import threading
 import traceback
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 from cosim.engine.jobs import Job, JobEvent
-from cosim.engine.peak import peak_bytes
 from cosim.user_errors import user_errors
 
 _GC_THRESHOLDS = (50_000, 20, 50)  # collect rarely, because reference cycles are rare
+_PROCESS_STATUS = Path("/proc/self/status")
 
 
 def main(descriptor: int) -> None:
@@ -69,6 +71,18 @@ class _EventSender:
                 self._connection.send(event)
         except OSError:
             os._exit(1)
+
+
+def peak_bytes() -> int:
+    """Peak resident memory of this process [bytes].
+
+    Read from /proc where it exists, because getrusage includes the parent's memory at the time of the fork.
+    """
+    if _PROCESS_STATUS.is_file():
+        rows = (line.split() for line in _PROCESS_STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
+        return next((int(words[1]) * 1024 for words in rows), 0)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
 
 
 if __name__ == "__main__":

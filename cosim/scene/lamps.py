@@ -11,8 +11,8 @@ import numpy as np
 from assets.materials import material_index
 from assets.mesh import Mesh
 from assets.shapes import box
-from assets.world.props import SignalHead
-from assets.world.signs import lens
+from assets.world.furniture.props import SignalHead
+from assets.world.furniture.signs import lens
 from sensors.cameras import Images
 from sensors.scene import Instances
 

@@ -14,8 +14,8 @@ from assets.cache import cached_latest
 from assets.streets import Streets
 from assets.world.build import BuiltWorld, build_world
 from assets.world.environment import Environment
+from assets.world.furniture.props import SignalHead
 from assets.world.groundwork import Groundwork, lay_groundwork
-from assets.world.props import SignalHead
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles

@@ -1,10 +1,18 @@
-"""OpenGL contexts without a window, and shader programs. Imports OpenGL: import it only to draw."""
+"""OpenGL contexts without a window, and shader programs. Imports OpenGL: import it only to draw.
+
+Modules of pyrender are imported without the package's own imports: `import pyrender` loads trimesh, networkx, fonts and
+the viewer of a window system, of which contexts and shader programs need none.
+"""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec, module_from_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,10 +20,28 @@ from OpenGL import GL
 from OpenGL.error import GLError
 
 from sensors.cameras.errors import CameraError
-from sensors.cameras.pyrender_parts import import_part
+
+
+def _import_part(name: str) -> ModuleType:
+    """Import a module of pyrender, such as `shader_program`, that does not need the rest of the package.
+
+    Raises:
+        ImportError: pyrender is not installed.
+    """
+    if "pyrender" in sys.modules:
+        return import_module(f"pyrender.{name}")
+    spec = find_spec("pyrender")
+    if spec is None:
+        raise ImportError("pyrender is not installed: pip install pyrender2")
+    sys.modules["pyrender"] = module_from_spec(spec)  # knows where its modules are, but has not run
+    try:
+        return import_module(f"pyrender.{name}")
+    finally:
+        del sys.modules["pyrender"]  # whoever imports pyrender itself gets all of it
+
 
 SHADER_DIR = Path(__file__).parent / "shaders"
-_SHADERS: Any = import_part("shader_program")
+_SHADERS: Any = _import_part("shader_program")
 
 
 class Program:
@@ -113,7 +139,7 @@ class OffscreenContext:
 def _platform(width: int, height: int) -> Any:
     """Pyrender's access to the selected backend's contexts."""
     if os.environ.get("PYOPENGL_PLATFORM") == "egl":
-        egl = import_part("platforms.egl")
+        egl = _import_part("platforms.egl")
         device = egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
         return egl.EGLPlatform(width, height, device=device)
-    return import_part("platforms.osmesa").OSMesaPlatform(width, height)
+    return _import_part("platforms.osmesa").OSMesaPlatform(width, height)

@@ -10,14 +10,15 @@ from OpenGL import GL
 
 from assets.mesh import Mesh
 from sensors.cameras.baking import Shade
+from sensors.cameras.buffers import GrowingBuffer, back_faces
 from sensors.cameras.context import Program, open_context
 from sensors.cameras.images import Content
 from sensors.cameras.light import Light
 from sensors.cameras.model_library import ModelLibrary
 from sensors.cameras.occlusion import Horizon, box_corners
 from sensors.cameras.packed_model import PackedModel
+from sensors.cameras.packing import pack
 from sensors.cameras.projection import View
-from sensors.cameras.static_world import StaticWorld
 from sensors.cameras.target import RenderTarget
 from sensors.cameras.tiles import Tiles
 
@@ -42,7 +43,7 @@ class Painter:
         self._light = Light()
         self._context = open_context(width, height)
         self._target = RenderTarget(width, height)
-        self._static = StaticWorld(Tiles.of(Mesh.empty()), None)
+        self._static = _StaticWorld(Tiles.of(Mesh.empty()), None)
         self._models = ModelLibrary(load, packed)
         self._nothing = GL.glGenVertexArrays(1)
 
@@ -50,7 +51,7 @@ class Painter:
         """Draw another static world, or the same in another light, from now on."""
         self._context.make_current()
         self._static.close()
-        self._light, self._static = light, StaticWorld(tiles, shade)
+        self._light, self._static = light, _StaticWorld(tiles, shade)
 
     def paint(self, view: View, instances: Instances, wanted: Collection[Content]) -> dict[Content, np.ndarray]:
         """Draw everything and read back the requested images, as `RenderTarget.read`.
@@ -121,3 +122,42 @@ class Painter:
         GL.glDepthFunc(GL.GL_GEQUAL)
         GL.glBindVertexArray(self._nothing)
         GL.glDrawArrays(GL.GL_TRIANGLES, 0, 3)
+
+
+class _StaticWorld:
+    """A buffer of the tiles seen so far, because a single drive sees only a small part of a town.
+
+    Args:
+        tiles: of the world.
+        shade: gives the share of sun and of sky at rows of the world's vertices; None for none in shadow.
+    """
+
+    def __init__(self, tiles: Tiles, shade: Shade | None) -> None:
+        self.tiles = tiles
+        self._shade = shade
+        self._first = np.full(len(tiles.first), -1, np.int64)  # in the buffer
+        self._buffer = GrowingBuffer()
+
+    def draw(self, rows: np.ndarray) -> None:
+        """Draw some tiles (k,) in the order given, closed surfaces first; the program must be in use."""
+        new = rows[self._first[rows] < 0]
+        if len(new):
+            self._make_ready(new)
+        for closed in (True, False):
+            chosen = rows[self.tiles.closed[rows] == closed]
+            with back_faces(drawn=not closed):
+                self._buffer.draw_runs(self._first[chosen], self.tiles.count[chosen])
+
+    def close(self) -> None:
+        """Free the graphics memory."""
+        self._buffer.close()
+
+    def _make_ready(self, rows: np.ndarray) -> None:
+        mesh, faces, count = self.tiles.mesh, self.tiles.faces_of(rows), self.tiles.count[rows]
+        # Tiles share no vertices, so that each is packed in the same way whichever others are prepared with it.
+        own = np.repeat(np.arange(len(rows)), count)[:, None] * len(mesh.vertices) + mesh.faces[faces]
+        used, corners = np.unique(own, return_inverse=True)
+        used %= len(mesh.vertices)
+        shade = None if self._shade is None else self._shade(used)
+        packed = pack(Mesh(mesh.vertices[used], corners.reshape(-1, 3), mesh.materials[faces]), shade)
+        self._first[rows] = self._buffer.add(packed) + np.cumsum(count) - count

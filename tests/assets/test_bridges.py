@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from assets.streets import StreetLane, Streets
-from assets.world.bridges import split_levels
 from assets.world.build import build_world
 from assets.world.groundwork import lay_groundwork
+from assets.world.roads.bridges import split_levels
 from sensors.bvh import Bvh
 
 HALF_M = 110.0

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
-from assets.world.borders import garden_borders
-from assets.world.enclosures import enclose
-from assets.world.houses import design
+from assets.world.borders.enclosures import enclose
+from assets.world.borders.gardens import garden_borders
+from assets.world.buildings.houses import design
+from assets.world.buildings.plots import lay_out
 from assets.world.obstacles import Obstacles
-from assets.world.plots import lay_out
+from assets.world.roads.surfaces import crossroads, outline
 from assets.world.styles import STYLES, style_of
-from assets.world.surfaces import crossroads, outline
 
 from .small_town import slope, small_town
 

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from assets.world.build import build_world
+from assets.world.buildings.plots import lay_out
 from assets.world.environment import PROP_KINDS, Environment, EnvironmentConfig, PropDensities
-from assets.world.furnishing import _PROPS, furnish
-from assets.world.kerbside import kerbside
+from assets.world.furniture.furnishing import _PROPS, furnish
 from assets.world.obstacles import Obstacles
-from assets.world.plots import lay_out
+from assets.world.roads.kerbside import kerbside
+from assets.world.roads.surfaces import outline
 from assets.world.styles import STYLES, style_of
-from assets.world.surfaces import outline
 
 from .small_town import small_town
 

@@ -7,16 +7,15 @@ import pytest
 import shapely
 
 from assets.materials import material_index
-from assets.world import roadside
-from assets.world.climbers import climbers_mesh
-from assets.world.greenery import trees_mesh
-from assets.world.houses import design
-from assets.world.kerbside import kerbside
-from assets.world.lines import overhead_lines, wire
+from assets.world.buildings.houses import design
+from assets.world.buildings.plots import lay_out
+from assets.world.furniture import roadside
+from assets.world.furniture.lines import overhead_lines, wire
 from assets.world.obstacles import Obstacles
-from assets.world.plots import lay_out
+from assets.world.plants.greenery import climbers_mesh, trees_mesh
+from assets.world.roads.kerbside import kerbside
+from assets.world.roads.surfaces import outline
 from assets.world.styles import STYLES, style_of
-from assets.world.surfaces import outline
 
 from .rays import first_hits
 from .small_town import small_town

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from assets.materials import MATERIAL_NAMES, MATERIALS
-from assets.world.signs import SIGN_KINDS, sign
+from assets.world.furniture.signs import SIGN_KINDS, sign
 from sensors.bvh import Bvh
 
 HEIGHT_M = 2.6

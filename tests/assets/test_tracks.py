@@ -8,7 +8,7 @@ import shapely
 
 from assets.materials import material_index
 from assets.streets import Streets
-from assets.world.tracks import GAUGE_M, RAIL_M, tracks_mesh
+from assets.world.roads.tracks import GAUGE_M, RAIL_M, tracks_mesh
 
 from .small_town import small_town
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, TERRAIN
+from assets.world.ground.overlays import ribbons
+from assets.world.ground.plan import CARRIAGEWAY, PAVEMENT, TERRAIN
+from assets.world.ground.unevenness import unevenness
 from assets.world.groundwork import lay_groundwork
-from assets.world.overlays import ribbons
-from assets.world.unevenness import unevenness
 
 from .small_town import small_town
 from .test_world import fall, points_in

@@ -11,12 +11,12 @@ from embreex.rtcore_scene import EmbreeScene
 
 from assets.materials import MATERIAL_NAMES, material_index
 from assets.world.build import build_world
-from assets.world.buildings import buildings_mesh
-from assets.world.ground import CARRIAGEWAY, PAVEMENT, triangulate
-from assets.world.houses import design
-from assets.world.plots import lay_out
+from assets.world.buildings.construction import buildings_mesh
+from assets.world.buildings.houses import design
+from assets.world.buildings.plots import lay_out
+from assets.world.ground.plan import CARRIAGEWAY, PAVEMENT, triangulate
+from assets.world.roads.surfaces import outline
 from assets.world.styles import STYLES, style_of
-from assets.world.surfaces import outline
 
 from .small_town import slope, small_town
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.table import Table
 
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from tests.sensors.effects.alone import Change, change_by
 
 _CHANNELS = ("range", "intensity", "drop", "spurious", "label")

@@ -33,7 +33,7 @@ from cosim.capture.rig_sensors import rig_sensors
 from cosim.drives.writer import DriveWriter
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.starting import load_libsumo
-from sensors.cameras.backend import select_backend
+from sensors.cameras.renderer import select_backend
 from sensors.hits import Hits
 from sensors.tracing import Tracer
 from tests.bench.rows import Row

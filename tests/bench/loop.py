@@ -10,7 +10,7 @@ from pathlib import Path
 from cosim import compare, diagnose
 from cosim.capture.config import RunConfig
 from cosim.capture.runner import run
-from cosim.engine.peak import peak_bytes
+from cosim.engine.child import peak_bytes
 from tests.bench.rows import Row
 
 _FRAMES = (10, 20, 40)

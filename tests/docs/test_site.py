@@ -13,7 +13,7 @@ import pytest
 from cosim.capture.config import RunConfig
 from cosim.cli.main import make_parser
 from cosim.traffic.behaviour import BehaviourConfig
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from tests.docs.blocks import ROOT
 from tests.docs.folder import environment
 from tools.reference_pages import arguments, commands_page, effects_page, subcommands

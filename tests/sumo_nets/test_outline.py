@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from sumo_nets.outline import simple_outlines
+from sumo_nets.reader import simple_outlines
 
 BOW_TIE = [(0, 0), (10, 10), (10, 0), (0, 10)]
 TWO_PARTS_AND_A_LINE = [

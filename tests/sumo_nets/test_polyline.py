@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from sumo_nets import polyline
-from sumo_nets.outline import simple_outlines
+from sumo_nets.reader import simple_outlines
 
 _BEND = np.array([[0.0, 0, 0], [10, 0, 1], [10, 10, 2]])
 

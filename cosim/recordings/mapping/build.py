@@ -1,4 +1,10 @@
-"""From scans and a trajectory to a map: surfels, poses refined on them, gravity, what moves, and held-out scans."""
+"""From scans and a trajectory to a map: surfels, poses refined on them, gravity, what moves, and held-out scans.
+
+Registration of a scan to planes is not determined along a direction without normals: along a tunnel, or across an open
+plain (Zhang, Kaess, Singh, On degeneracy of optimization-based state estimation problems, ICRA 2016). Odometry does not
+report a failure there: the rings on walls travel with the sensor, so that it finds no motion, and the resulting map is
+sharp. Therefore `holding` takes normals of patches that several lasers hit in a single scan.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +15,12 @@ import numpy as np
 
 from cosim.drives.twin.surfels import cell_keys
 from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_in_turn
-from cosim.recordings.mapping.holding import holding
 from cosim.recordings.mapping.level import ground, levelled, up
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.scans import cloud_of, local_scans
-from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, planes, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import RecordingMount
@@ -25,6 +30,10 @@ _HELD_PARTS, _HELD_LONG = 3, 30
 _HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
+_PATCH_DEG = (6.0, 5.0)  # azimuth and elevation; in 5° of elevation every sensor has two lasers or more
+_PATCH_POINTS, _PATCH_SPREAD_DEG = 15, 0.3  # of a patch, and of its points' elevations: one laser draws no plane
+_PLANE_THICKNESS_M, _PLANE_SHAPE = 0.05, 4.0  # across a plane, and times that along it
+_PLANES_SHARE = 0.8  # share of points on planes: 0.85 and more in bare tunnels; streets have 0.7, and much that holds
 
 
 class NoMapError(RecordingError):
@@ -188,3 +197,42 @@ def _errors(
         error[number] = 1.4826 * np.median(np.abs(off))
         share[number] = on.mean()
     return error, share
+
+
+def holding(xyz: np.ndarray) -> float:
+    """Smallest eigenvalue of the information about a scan's position, from 0 to 1/3.
+
+    The smallest eigenvalue of the mean of n·nᵀ over points on planes of normals n; 1/3 where a fifth of the points
+    lies on none, as corners, cars and poles hold a scan, too.
+
+    Args:
+        xyz: (n, 3) points in the sensor's axes.
+    """
+    patch, elevation = _patches(xyz)
+    count = np.bincount(patch)
+    _, normal, variance = planes(xyz, patch, len(count))
+    sd = np.sqrt(variance)
+    spread = np.sqrt(_variance(elevation, patch))
+    good = (count >= _PATCH_POINTS) & (spread > np.radians(_PATCH_SPREAD_DEG))
+    points = float(count[good].sum())
+    good &= (sd[:, 0] < _PLANE_THICKNESS_M) & (sd[:, 1] > _PLANE_SHAPE * sd[:, 0])
+    on = float(count[good].sum())
+    if not points or on < _PLANES_SHARE * points:
+        return 1 / 3
+    weighted = normal[good] * count[good, None]
+    return float(np.linalg.eigvalsh(weighted.T @ normal[good])[0] / on)
+
+
+def _patches(xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Number of each point's patch (n,) from 0, and its elevation (n,) [rad]."""
+    elevation = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1])).astype(np.float64)
+    azimuth = np.arctan2(xyz[:, 1], xyz[:, 0])
+    wide, high = np.radians(_PATCH_DEG)
+    cell = np.floor(azimuth / wide).astype(int) * 1000 + np.floor(elevation / high).astype(int)
+    return np.unique(cell, return_inverse=True)[1].reshape(-1), elevation
+
+
+def _variance(values: np.ndarray, patch: np.ndarray) -> np.ndarray:
+    count = np.bincount(patch)
+    rest = values - (np.bincount(patch, values) / count)[patch]
+    return np.bincount(patch, rest**2) / count

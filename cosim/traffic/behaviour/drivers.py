@@ -8,21 +8,19 @@ from collections.abc import Callable
 import numpy as np
 
 from cosim.traffic.actors import Actors
-from cosim.traffic.behaviour.collisions import Collisions
+from cosim.traffic.behaviour.collisions import Collisions, Contacts
 from cosim.traffic.behaviour.config import BehaviourConfig
-from cosim.traffic.behaviour.contacts import Contacts
 from cosim.traffic.behaviour.events import Event
 from cosim.traffic.behaviour.free_driving import FreeDriving
 from cosim.traffic.behaviour.gridlock import Gridlock
 from cosim.traffic.behaviour.lane_changes import LaneChanges
-from cosim.traffic.behaviour.onward import Onward
 from cosim.traffic.behaviour.patience import Patience
 from cosim.traffic.behaviour.pull_in import PullIn
 from cosim.traffic.behaviour.pull_out import PullOut
 from cosim.traffic.behaviour.roads import Roads
+from cosim.traffic.behaviour.routes import Onward
 from cosim.traffic.behaviour.stage import Stage
-from cosim.traffic.behaviour.turnarounds import Turnarounds
-from cosim.traffic.behaviour.u_turns import UTurns
+from cosim.traffic.behaviour.u_turns import Turnarounds, UTurns
 from cosim.traffic.behaviour.vehicle_parameters import ChangedParameters
 from cosim.traffic.motion import Motion
 from cosim.traffic.simulation import Traffic

@@ -1,4 +1,4 @@
-"""Choice of routes."""
+"""Choice of routes, and their extension, so that no vehicle is removed in the middle of a town."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from cosim.traffic.behaviour.free_driving import MOTORISED
 from cosim.traffic.behaviour.stage import Stage
 
 _TRIES = 12
 _LEGS = 6
 _SHORTEST = 4
+_LOOKS_EVERY_STEPS = 50
 
 
 def wander(stage: Stage, vehicle: str, edge: str, rng: np.random.Generator) -> list[str] | None:
@@ -28,3 +30,22 @@ def wander(stage: Stage, vehicle: str, edge: str, rng: np.random.Generator) -> l
         if legs == _LEGS:
             break
     return route if legs else None
+
+
+class Onward:
+    """Gives drivers who near the end of their route another one, so that they do not vanish there."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def step(self, stage: Stage) -> None:
+        """Look at all routes now and then."""
+        actors = stage.actors
+        if round(actors.time_s / stage.step_s) % _LOOKS_EVERY_STEPS:
+            return
+        for vehicle in sorted(stage.traffic.far):
+            stage.traffic.prolong_route(vehicle, self._rng)
+        for row, vehicle in enumerate(actors.ids):
+            drives = actors.kinds[row] in MOTORISED and actors.lanes[row] and not actors.parked[row]
+            if drives and vehicle not in stage.busy:
+                stage.traffic.prolong_route(vehicle, self._rng)

@@ -1,4 +1,4 @@
-"""Turning round in the middle of the road."""
+"""Turning round, in the middle of the road or where a street ends."""
 
 from __future__ import annotations
 
@@ -25,6 +25,10 @@ _PATIENCE_S = 15.0
 _LONGEST_S = 60.0
 _HOLD_STEPS = 8
 _AT_ONCE = 2
+_NOBODY = np.zeros((0, 5))
+_TURNAROUND_MPS = 2.0
+_STUCK_ACROSS_S = 30.0  # across the street, before a queue that waits for him
+_TURNAROUND_ROOMS_M = ((3.0, 9.0), (8.0, 14.0), (10.0, 24.0))  # to the right and left of the way in
 
 
 @dataclass(eq=False)
@@ -208,3 +212,49 @@ def _boxes(script: Script, size: np.ndarray) -> np.ndarray:
     heading = script.heading_rad
     centre = script.front - size[0] / 2 * unit_vectors(heading)
     return np.column_stack([centre, heading, np.tile(size[:2], (len(script), 1))])
+
+
+class Turnarounds:
+    """Moves vehicles that enter a turnaround along arcs, while SUMO's vehicle waits beyond it."""
+
+    def __init__(self) -> None:
+        self._turning: dict[str, Lane] = {}
+
+    def step(self, stage: Stage) -> None:
+        """Start and end turns."""
+        for row, (vehicle, lane) in enumerate(zip(stage.actors.ids, stage.actors.lanes, strict=True)):
+            if lane not in stage.roads.turnarounds or stage.actors.kinds[row] == "tram":
+                continue
+            if vehicle not in stage.busy and vehicle not in self._turning:
+                self._begin(stage, row, vehicle, stage.roads.turnarounds[lane])
+        for vehicle, back in list(self._turning.items()):
+            row = stage.rows.get(vehicle)
+            plays = stage.motion.plays(vehicle)
+            if row is not None and plays and stage.motion.stuck_s()[row] > _STUCK_ACROSS_S and stage.take_away(vehicle):
+                continue
+            if row is not None and plays and stage.actors.lanes[row] == back.id:
+                stage.api.vehicle.setSpeed(vehicle, 0.0)
+            elif row is None or not plays:
+                del self._turning[vehicle]
+                stage.busy.discard(vehicle)
+                stage.steered.discard(vehicle)
+                if row is not None:
+                    stage.api.vehicle.setSpeed(vehicle, -1)
+
+    def _begin(self, stage: Stage, row: int, vehicle: str, back: Lane) -> None:
+        actors = stage.actors
+        position, heading = actors.front[row, :2], float(actors.heading_rad[row])
+        away = back.shape[0] - position
+        goal = float(away[1] * np.cos(heading) - away[0] * np.sin(heading))
+        for right, left in _TURNAROUND_ROOMS_M:
+            room = Room(right_m=-right, left_m=max(left, goal + 1.5), goal_m=goal, boxes=_NOBODY)
+            try:
+                script = plan_turn(position, heading, actors.kinds[row], actors.size[row], room, stage.step_s)
+            except TurnError:
+                continue
+            stage.motion.play(vehicle, script)
+            stage.api.vehicle.setSpeed(vehicle, _TURNAROUND_MPS)
+            stage.busy.add(vehicle)
+            stage.steered.add(vehicle)
+            self._turning[vehicle] = back
+            return

@@ -27,7 +27,6 @@ from cosim.traffic.trajectories.xosc_motion import (
     Way,
 )
 from cosim.traffic.trajectories.xosc_parameters import resolve_parameters
-from cosim.traffic.trajectories.xosc_triggers import first_time_s, unknown_conditions
 
 _WITHOUT_MOTION = (
     "VisibilityAction",
@@ -43,6 +42,7 @@ _WITHOUT_MOTION = (
     "VariableAddAction",
     "VariableMultiplyAction",
 )
+_AFTER = ("greaterThan", "greaterOrEqual", "equalTo")
 
 
 def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> RoadTracks:
@@ -70,7 +70,7 @@ def read_openscenario(path: Path, root: ET.Element, left_out: Counter[str]) -> R
         _take_story(path, story, xosc, ways)
     locations = Locations(path, scenario.roadnetwork.road_file or "", initial, xosc)
     motion = ScenarioMotion(path, locations, ways, limits, xosc)
-    end_s = motion.end_s(first_time_s(scenario.storyboard.stoptrigger, xosc))
+    end_s = motion.end_s(_first_time_s(scenario.storyboard.stoptrigger, xosc))
     samples = [sample for name in ways for sample in motion.samples(name, end_s)]
     tracks = gather(path, samples, users, centred=True)
     return replace(tracks, notes=(*tracks.notes, *(f"{path}: {note}" for note in motion.notes)))
@@ -100,9 +100,9 @@ def _take_story(path: Path, story: Any, xosc: Any, ways: Mapping[str, Way]) -> N
             maneuvers = group.maneuvers if names else []
             for event in (event for maneuver in maneuvers for event in maneuver.events):
                 triggers = (act.starttrigger, event.trigger)
-                begins = [first_time_s(trigger, xosc) for trigger in triggers]
+                begins = [_first_time_s(trigger, xosc) for trigger in triggers]
                 start_s = None if None in begins else max(one for one in begins if one is not None)
-                unknown = tuple(dict.fromkeys(word for each in triggers for word in unknown_conditions(each, xosc)))
+                unknown = tuple(dict.fromkeys(word for each in triggers for word in _unknown_conditions(each, xosc)))
                 for name in names:
                     for action in event.action:
                         _take(path, name, action.action, xosc, ways[name], start_s, unknown)
@@ -192,3 +192,51 @@ def _lane(path: Path, name: str, action: Any, start_s: float, xosc: Any) -> Lane
         offset_m = float(action.target_lane_offset or 0.0)
         return LaneAction(start_s, int(action.lane), reference, offset_m, _transition(action.transition_dynamics))
     return None
+
+
+def _first_time_s(trigger: Any, xosc: Any) -> float | None:
+    """Time at which a trigger fires [s]; None if that depends on more than simulation time.
+
+    A trigger fires when all conditions of one of its groups are met. Without conditions it fires at once.
+    """
+    groups = _condition_groups(trigger, xosc)
+    times = [_group_time_s(group, xosc) for group in groups]
+    if not times:
+        return 0.0
+    return None if None in times else min(time for time in times if time is not None)
+
+
+def _unknown_conditions(trigger: Any, xosc: Any) -> list[str]:
+    """Names of a trigger's conditions whose time is known only in simulation."""
+    conditions = [condition for group in _condition_groups(trigger, xosc) for condition in group]
+    return [_condition_word(condition) for condition in conditions if _condition_time_s(condition, xosc) is None]
+
+
+def _condition_groups(trigger: Any, xosc: Any) -> list[list[Any]]:
+    """Conditions of a trigger's groups."""
+    if trigger is None:
+        return []
+    if isinstance(trigger, xosc.ValueTrigger | xosc.EntityTrigger):
+        return [[trigger]]
+    groups = getattr(trigger, "conditiongroups", None)
+    if groups is not None:
+        return [list(group.conditions) for group in groups if group.conditions]
+    conditions = getattr(trigger, "conditions", None)
+    return [list(conditions)] if conditions else []
+
+
+def _group_time_s(group: list[Any], xosc: Any) -> float | None:
+    times = [_condition_time_s(condition, xosc) for condition in group]
+    return None if None in times else max(time for time in times if time is not None)
+
+
+def _condition_time_s(condition: Any, xosc: Any) -> float | None:
+    value: Any = getattr(condition, "valuecondition", None)
+    if not isinstance(value, xosc.SimulationTimeCondition) or value.rule.get_name() not in _AFTER:
+        return None
+    return max(float(value.value), 0.0) + float(condition.delay or 0.0)
+
+
+def _condition_word(condition: Any) -> str:
+    part = getattr(condition, "valuecondition", None) or getattr(condition, "entitycondition", None) or condition
+    return type(part).__name__

@@ -1,4 +1,7 @@
-"""Beam divergence: the footprint of a beam hits several surfaces at an edge."""
+"""Beam divergence: the footprint of a beam hits several surfaces at an edge.
+
+Where parts of a footprint are farther apart than a pulse, a few samples do not determine the reported echo.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,12 @@ from sensors.effects.base import EchoEffect, number
 from sensors.effects.phases import Phase
 from sensors.effects.surfaces.footprint import directions_aside, strongest_echo
 from sensors.effects.surfaces.some_footprints import footprints_of_some, ranges_between
-from sensors.effects.surfaces.split_echoes import CHANCE, elsewhere, is_split, sampled_ranges
 from sensors.hits import Hits
 from sensors.returns import Returns
 from sensors.shot import Shot
 
 _METRES_PER_NS = 0.299792458
+ELSEWHERE_CHANCE = 0.1  # that another part of the footprint answers than the one that its samples say
 
 
 class BeamDivergence(EchoEffect):
@@ -67,18 +70,18 @@ class BeamDivergence(EchoEffect):
         aside = self._aside(shot)
         changed = strongest_echo(returns, shot.hits, aside, pulse_m=self._pulse_m)
         _, split = self._parts(shot)
-        return changed, 1 - CHANCE * split[changed.beam]
+        return changed, 1 - ELSEWHERE_CHANCE * split[changed.beam]
 
     def density(self, beam: np.ndarray, range_m: np.ndarray, shot: Shot) -> np.ndarray:
         """Return the density of ranges of the other parts of the footprint."""
         if not self._is_replayed(shot):
             return np.zeros(len(beam))
         ranges, split = self._parts(shot)
-        return elsewhere(ranges[beam], split[beam], range_m, self._pulse_m)
+        return density_elsewhere(ranges[beam], split[beam], range_m, self._pulse_m)
 
     def elsewhere(self, shot: Shot) -> np.ndarray | float:
         """Return the probability (n,) that another part of the footprint answers than its samples say."""
-        return CHANCE * self._parts(shot)[1] if self._is_replayed(shot) else 0.0
+        return ELSEWHERE_CHANCE * self._parts(shot)[1] if self._is_replayed(shot) else 0.0
 
     def _is_replayed(self, shot: Shot) -> bool:
         return self.divergence_mrad > 0 and shot.is_part
@@ -100,7 +103,7 @@ class BeamDivergence(EchoEffect):
         return shot.kept(f"parts {self.divergence_mrad} {self.pulse_ns}", lambda: self._parts_anew(shot))
 
     def _parts_anew(self, shot: Shot) -> tuple[np.ndarray, np.ndarray]:
-        sampled = sampled_ranges(shot.hits, self._aside(shot))
+        sampled = _sampled_ranges(shot.hits, self._aside(shot))
         between = np.concatenate(shot.by_frame(lambda part: ranges_between(part, self.divergence_mrad / 2000)))
         split = is_split(sampled, self._pulse_m)
         between[split] = np.inf
@@ -111,3 +114,32 @@ class BeamDivergence(EchoEffect):
     @property
     def _pulse_m(self) -> float:
         return self.pulse_ns * _METRES_PER_NS / 2
+
+
+def _sampled_ranges(middle: Hits, aside: Hits) -> np.ndarray:
+    """Ranges (n, samples) float64 of the middle of every beam and of the samples around it, as many rows a beam."""
+    first = middle.solid.range_m.astype(np.float64)[:, None]
+    return np.hstack([first, aside.solid.range_m.astype(np.float64).reshape(len(first), -1)])
+
+
+def is_split(ranges: np.ndarray, pulse_m: float) -> np.ndarray:
+    """(n,) bool: whether following ranges (n, samples) lie farther apart than pulses of c·τ/2 merge."""
+    ranges = np.sort(ranges, axis=1)
+    gaps = np.diff(np.where(np.isfinite(ranges), ranges, 0.0), axis=1)
+    return np.any((gaps > pulse_m) & np.isfinite(ranges[:, 1:]), axis=1)
+
+
+def density_elsewhere(ranges: np.ndarray, split: np.ndarray, range_m: np.ndarray, pulse_m: float) -> np.ndarray:
+    """Probability per metre (n,) of an answer at `range_m` (n,) from another part of footprints.
+
+    Their samples lie at `ranges` (n, samples); only those that are `split` (n,) have other parts to answer. Parts
+    between these return echoes, too: each sample represents a section as wide as the sample distance.
+    """
+    there = np.isfinite(ranges)
+    known = np.where(there, ranges, 0.0)
+    count = np.maximum(there.sum(1), 1)
+    mean = known.sum(1) / count
+    spread = np.sqrt((np.where(there, known - mean[:, None], 0.0) ** 2).sum(1) / count)
+    width = np.maximum(spread, pulse_m / 2)[:, None]
+    each = np.exp(-0.5 * ((range_m[:, None] - known) / width) ** 2) / (np.sqrt(2 * np.pi) * width)
+    return ELSEWHERE_CHANCE * split * (each * there).sum(1) / count

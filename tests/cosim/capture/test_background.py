@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from cosim.capture.background import BackgroundWriter
+from cosim.capture.recorder import BackgroundWriter
 
 
 def test_work_is_done_in_order_and_waited_for():

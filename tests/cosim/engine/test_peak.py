@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from cosim.engine.peak import peak_bytes
+from cosim.engine.child import peak_bytes
 
 HELD = 400 * 2**20
 
@@ -20,6 +20,6 @@ def test_what_was_held_counts_after_it_has_gone():
 def test_what_the_parent_holds_does_not_count():
     kept = bytearray(HELD)
     message = subprocess.check_output(
-        [sys.executable, "-c", "from cosim.engine.peak import peak_bytes; print(peak_bytes())"]
+        [sys.executable, "-c", "from cosim.engine.child import peak_bytes; print(peak_bytes())"]
     )
     assert int(message) < HELD < len(kept) + 1

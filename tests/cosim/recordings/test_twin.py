@@ -21,7 +21,7 @@ from cosim.drives.twin.scene import TwinScenes, lidar_pose, scene_instances
 from cosim.drives.writer import OutputError
 from cosim.recordings import RecordingError, open_recording
 from cosim.recordings.mapping import write_recording_twin
-from cosim.recordings.mapping.holding import holding
+from cosim.recordings.mapping.build import holding
 from cosim.recordings.mapping.motion import deskewed, motions, scan_times
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import find_trajectory

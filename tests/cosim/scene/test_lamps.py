@@ -9,8 +9,8 @@ import pytest
 
 from assets import CATALOGUE, Mesh, build_model
 from assets.materials import MATERIAL_NAMES
-from assets.world.props import SignalHead
-from assets.world.signs import signal_head
+from assets.world.furniture.props import SignalHead
+from assets.world.furniture.signs import signal_head
 from cosim.scene.lamps import base_of, glowing_mesh, signal_models, with_lamps, with_signals, without_signals
 from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic

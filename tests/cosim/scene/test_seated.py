@@ -8,13 +8,13 @@ import shapely
 
 from assets import build_model
 from assets.models.pedestrian import HIP_BEHIND
+from assets.world.buildings.plots import lay_out
 from assets.world.environment import Environment
-from assets.world.furnishing import furnish
-from assets.world.kerbside import kerbside
+from assets.world.furniture.furnishing import furnish
 from assets.world.obstacles import Obstacles
-from assets.world.plots import lay_out
+from assets.world.roads.kerbside import kerbside
+from assets.world.roads.surfaces import outline
 from assets.world.styles import style_of
-from assets.world.surfaces import outline
 from cosim.labels.labelling import KITTI_TYPE
 from cosim.scene.seated import seat_persons
 from sensors.bvh import Bvh

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.traffic.starting import SavedState, warmed_up
-from cosim.traffic.sublane_state import drop_speed_advice
+from cosim.traffic.starting import SavedState, drop_speed_advice, warmed_up
 from sumo_nets import read_town
 
 _TOWN = "town02"

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from sensors.hits import NOTHING
 from sensors.label_boxes import LabelBoxes
 from sensors.motion import EgoMotion

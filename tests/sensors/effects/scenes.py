@@ -8,7 +8,7 @@ import numpy as np
 
 from assets.mesh import Mesh
 from assets.shapes import box
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Scene

@@ -9,9 +9,9 @@ from pydantic import ValidationError
 from cosim.discrepancy.candidates import unknowns, with_values
 from sensors.effects.acting import in_order
 from sensors.effects.base import Effect, ScanEffect
-from sensors.effects.catalogue import built_in_effects
 from sensors.effects.expectation import expect
 from sensors.effects.lasers import with_rings
+from sensors.effects.registry import built_in_effects
 from tests.sensors.effects.alone import EGO, boxes
 from tests.sensors.effects.scenes import cars, effect, of_hits, sensor, shoot, street
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from tests.sensors.effects.alone import EGO, bare, change_by
 from tests.sensors.effects.scenes import LIDAR, cars, effect, sensor, shoot, street
 

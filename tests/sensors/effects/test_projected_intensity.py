@@ -9,7 +9,7 @@ from scipy import stats
 from assets.mesh import Mesh
 from assets.shapes import box
 from sensors.camera_view import CameraView
-from sensors.effects.light.surface_laws import paper_model, reference_model
+from sensors.effects.light.projected_intensity import paper_model, reference_model
 from sensors.scene import Scene
 from sensors.shot import Shot
 from sensors.tracing import Tracer

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 import sensors.effects
 from cosim.cli.main import main
-from sensors.effects.catalogue import built_in_effects
+from sensors.effects.registry import built_in_effects
 from sensors.errors import SensorError
 from sensors.sensor_file import model_names
 from sensors.sensor_model import load_sensor

@@ -5,7 +5,7 @@ import pytest
 
 from assets.shapes import box
 from sensors.effects.expectation import expect
-from sensors.effects.surfaces.split_echoes import CHANCE, elsewhere, is_split
+from sensors.effects.surfaces.beam_divergence import ELSEWHERE_CHANCE, density_elsewhere, is_split
 from sensors.scene import Scene
 from sensors.shot import Shot
 from tests.sensors.effects.scenes import effect, no_model, sensor, shoot
@@ -24,13 +24,13 @@ def test_a_footprint_is_split_where_a_gap_is_longer_than_a_pulse() -> None:
 def test_other_parts_answer_with_the_stated_chance_in_all(ranges: list[float]) -> None:
     anywhere = np.arange(0.0, 120.0, 0.01)
     every = np.tile(ranges, (len(anywhere), 1))
-    density = elsewhere(every, is_split(every, _PULSE_M), anywhere, _PULSE_M)
-    assert density.sum() * 0.01 == pytest.approx(CHANCE, rel=1e-3)
+    density = density_elsewhere(every, is_split(every, _PULSE_M), anywhere, _PULSE_M)
+    assert density.sum() * 0.01 == pytest.approx(ELSEWHERE_CHANCE, rel=1e-3)
 
 
 def test_whole_footprints_answer_from_nowhere_else() -> None:
     whole = np.full((1, 5), 20.0)
-    assert elsewhere(whole, is_split(whole, _PULSE_M), np.array([20.0]), _PULSE_M) == 0
+    assert density_elsewhere(whole, is_split(whole, _PULSE_M), np.array([20.0]), _PULSE_M) == 0
 
 
 def test_a_post_between_the_samples_may_answer() -> None:
@@ -50,5 +50,5 @@ def test_a_post_between_the_samples_may_answer() -> None:
     assert meets.sum() > 10 and there[meets].min() > 0.01
     assert not there[np.abs(whole.rays.azimuth - azimuth) > 0.01].any()
     expected = expect((wide,), again)
-    np.testing.assert_allclose(expected.silent[meets], 1 - CHANCE)
+    np.testing.assert_allclose(expected.silent[meets], 1 - ELSEWHERE_CHANCE)
     np.testing.assert_allclose(expected.seen + expected.silent + expected.elsewhere, 1)

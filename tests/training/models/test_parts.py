@@ -14,6 +14,7 @@ from torch.nn import functional  # noqa: E402
 from training.data.grid import Grid  # noqa: E402
 from training.data.voxels import voxelise  # noqa: E402
 from training.evaluation.rotated_overlap import paired_iou  # noqa: E402
+from training.loop import OneCycle  # noqa: E402
 from training.models.anchors import anchor_classes, make_anchors  # noqa: E402
 from training.models.assigning import assign  # noqa: E402
 from training.models.coding import decode, direction_of, encode, with_direction  # noqa: E402
@@ -21,7 +22,6 @@ from training.models.nms import suppress  # noqa: E402
 from training.models.regions import in_region, refine  # noqa: E402
 from training.models.settings import ModelSettings  # noqa: E402
 from training.models.sparse_conv import SparseTensor, StridedConv, SubmanifoldConv  # noqa: E402
-from training.schedule import OneCycle  # noqa: E402
 
 
 def boxes(rng: np.random.Generator, count: int) -> torch.Tensor:

@@ -1,0 +1,1 @@
+"""Fences, walls and hedges: around gardens and along open street fronts."""

@@ -1,0 +1,1 @@
+"""Buildings: plots, designed houses and their façades, and the buildings that a scenario defines."""

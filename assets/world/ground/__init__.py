@@ -1,0 +1,1 @@
+"""The ground: its plan in triangles, its heights, and thin sheets upon it."""

@@ -1,0 +1,1 @@
+"""Trees, bushes, hedges and climbers, and where they are planted."""

@@ -1,0 +1,1 @@
+"""Roads: outlines of what is paved, kerbs, markings, tram tracks and bridges."""
