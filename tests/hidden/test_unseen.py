@@ -194,7 +194,7 @@ def test_two_at_once_are_in_different_channels(bench: Bench) -> None:
 @pytest.mark.parametrize("covariate", COLUMNS)
 def test_columns_span_what_beams_meet(bench: Bench, covariate: str) -> None:
     inside = COLUMNS[covariate].unit(bench.bare)[bench.bare.found]
-    assert ((inside >= 0) & (inside <= 1)).mean() > 0.85
+    assert ((inside >= 0) & (inside <= 1)).mean() > 0.8
     assert np.ptp(inside) > 0.5
 
 
