@@ -58,7 +58,7 @@ def read_annotator(text: str, pattern: Pattern) -> tuple[LabelEffect, ...]:
         values, folder = _parse(_read(path, "annotator"), "annotator", text), path.parent
     if not isinstance(values, dict) or set(values) != {"effects"}:
         raise SensorError(f"annotator {text}: write only a list of label effects, `effects: [...]`")
-    effects = _parse_effects(values, origin=text, folder=folder, pattern=pattern)
+    effects = _parse_effects(values, origin=text, folder=folder, pattern=pattern, role="annotator")
     labelling = tuple(effect for effect in effects if isinstance(effect, LabelEffect))
     if len(labelling) < len(effects):
         other = next(effect.name for effect in effects if not isinstance(effect, LabelEffect))
@@ -118,12 +118,14 @@ def parse_sensor(content: str, *, origin: str, folder: Path) -> SensorModel:
     return SensorModel(pattern, _parse_effects(values, origin=origin, folder=folder, pattern=pattern), origin)
 
 
-def _parse_effects(values: dict[str, Any], *, origin: str, folder: Path, pattern: Pattern) -> tuple[Effect, ...]:
+def _parse_effects(
+    values: dict[str, Any], *, origin: str, folder: Path, pattern: Pattern, role: str = "sensor"
+) -> tuple[Effect, ...]:
     entries = values.get("effects") or []
     if not isinstance(entries, list):
-        raise SensorError(f"sensor {origin}: effects is {entries!r}; give a list")
-    effects = tuple(parse_effect(entry, origin=origin, folder=folder, pattern=pattern) for entry in entries)
-    _check_doubles(effects, origin)
+        raise SensorError(f"{role} {origin}: effects is {entries!r}; give a list")
+    effects = tuple(parse_effect(entry, origin=origin, folder=folder, pattern=pattern, role=role) for entry in entries)
+    _check_doubles(effects, f"{role} {origin}")
     return effects
 
 
@@ -135,7 +137,7 @@ def _pattern(name: str, folder: Path) -> Pattern:
     return load_pattern(name)
 
 
-def parse_effect(entry: Any, *, origin: str, folder: Path, pattern: Pattern) -> Effect:
+def parse_effect(entry: Any, *, origin: str, folder: Path, pattern: Pattern, role: str = "sensor") -> Effect:
     """One effect from `{effect: NAME, parameter: value, …}`.
 
     Raises:
@@ -144,26 +146,26 @@ def parse_effect(entry: Any, *, origin: str, folder: Path, pattern: Pattern) -> 
     if isinstance(entry, str):
         entry = {"effect": entry}
     if not isinstance(entry, dict) or not isinstance(entry.get("effect"), str):
-        raise SensorError(f"sensor {origin}: {entry!r} names no effect; write `{{effect: NAME, parameter: value}}`")
+        raise SensorError(f"{role} {origin}: {entry!r} names no effect; write `{{effect: NAME, parameter: value}}`")
     name = entry["effect"]
     try:
         kind = find_effect(name, folder)
     except SensorError as error:
-        raise SensorError(f"sensor {origin}: {error}") from error
+        raise SensorError(f"{role} {origin}: {error}") from error
     try:
         effect = kind.model_validate({key: value for key, value in entry.items() if key != "effect"})
         effect.check(pattern)
     except ValidationError as error:
         known = ", ".join(kind.model_fields) or "none"
-        raise SensorError(f"sensor {origin}: effect {name}: {first_problem(error)}; parameters: {known}") from error
+        raise SensorError(f"{role} {origin}: effect {name}: {first_problem(error)}; parameters: {known}") from error
     except ValueError as error:
-        raise SensorError(f"sensor {origin}: effect {name}: {error}") from error
+        raise SensorError(f"{role} {origin}: effect {name}: {error}") from error
     return effect
 
 
-def _check_doubles(effects: tuple[Effect, ...], origin: str) -> None:
+def _check_doubles(effects: tuple[Effect, ...], where: str) -> None:
     seen: set[str] = set()
     for effect in effects:
         if effect.name in seen and not effect.repeatable:
-            raise SensorError(f"sensor {origin}: effect {effect.name} is listed twice; list it once with its total")
+            raise SensorError(f"{where}: effect {effect.name} is listed twice; list it once with its total")
         seen.add(effect.name)

@@ -145,9 +145,7 @@ def alternatives_section(diagnosis: Diagnosis, words: Vocabulary) -> str:
             if other in added:
                 state = Markup('<span class="good">both are missing</span>: each explains what the other does not')
             elif other in candidates:
-                state = Markup(
-                    '<span class="good">separated</span>: with its number of parameters it explains these data less well'
-                )
+                state = Markup('<span class="good">separated</span>: less likely, given its number of parameters')
             else:
                 state = "no candidate: these data do not depend on it, or it cannot be determined"
             remedy = _remedy(finding.effect, other, words)
