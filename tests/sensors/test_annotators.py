@@ -32,7 +32,7 @@ def test_built_in_annotators():
 def test_a_bad_file_is_one_line(tmp_path, text, complaint):
     file = tmp_path / "annotator.yaml"
     file.write_text(text)
-    with pytest.raises(SensorError, match="^annotator .*annotator") as raised:
+    with pytest.raises(SensorError, match=r"^annotator .*annotator") as raised:
         read_annotator(str(file), PATTERN)
     assert complaint in str(raised.value) and "\n" not in str(raised.value)
 
