@@ -67,7 +67,7 @@ def plan_turn(front: np.ndarray, heading_rad: float, kind: str, size: np.ndarray
     gear = 1
     for _ in range(_MOST_ARCS):
         arc = _arc(pose, gear, curvature, rear_m, size, room)
-        if (len(arc) - 1) * WAY_STEP_M < _SHORTEST_ARC_M:
+        if (len(arc) - 1) * WAY_STEP_M < _SHORTEST_ARC_M and arc[-1, 2] < np.pi:
             break
         poses.append(drive(arc, min(SPEED_MPS[gear], MAX_YAW_RATE_RADPS / curvature), step_s))
         pose = arc[-1]
