@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +22,22 @@ _MODELS = files("sensors") / "models"
 _ANNOTATORS = files("sensors") / "annotators"
 _RENAMED = {"hdl64e_dual": "hdl64e_two_blocks"}  # read as dual return, which it has not
 _KEYS = ("pattern", "effects")
-EXACT = "exact"
+EXACT_ANNOTATOR = "exact"
 """Name of the annotator that draws exact boxes."""
 
 
 def model_names() -> list[str]:
     """Names of the built-in sensors."""
-    return sorted(item.name.removesuffix(".yaml") for item in _MODELS.iterdir() if item.name.endswith(".yaml"))
+    return _names_in(_MODELS)
 
 
 def annotator_names() -> list[str]:
     """Names of the built-in annotators; `exact` is the first."""
-    return [EXACT, *sorted(file.name[:-5] for file in _ANNOTATORS.iterdir() if file.name.endswith(".yaml"))]
+    return [EXACT_ANNOTATOR, *_names_in(_ANNOTATORS)]
+
+
+def _names_in(folder: Traversable) -> list[str]:
+    return sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml"))
 
 
 def read_annotator(text: str, pattern: Pattern) -> tuple[LabelEffect, ...]:
@@ -45,7 +50,7 @@ def read_annotator(text: str, pattern: Pattern) -> tuple[LabelEffect, ...]:
     Raises:
         SensorError: no such file or annotator, it breaks the format, or an effect does not act on labels.
     """
-    if text == EXACT:
+    if text == EXACT_ANNOTATOR:
         return ()
     if text in annotator_names():
         values, folder = _parse((_ANNOTATORS / f"{text}.yaml").read_text(encoding="utf-8"), "annotator", text), Path()

@@ -33,7 +33,6 @@ from cosim.scene.site import Land, Models, Site, light_of
 from cosim.scene.surroundings import SIGHT_M, is_large, surroundings
 from cosim.traffic.actors import Actors
 from sensors.cameras import Images, semantic_image
-from sensors.cameras.texture import fields_of
 from sensors.scene import Instances
 from sensors.sensor_model import SensorModel
 from sumo_nets import Town, read_town
@@ -86,7 +85,7 @@ class Recorder:
             config.images,
             self._models,
             config.backend,
-            fields=fields_of(self._sensor),
+            sensor=self._sensor,
             needs_view=needs_view,
             seed=config.seed,
         )

@@ -19,9 +19,9 @@ from sensors.camera_view import CameraView
 from sensors.cameras import CameraRenderer, Content, Images, Light
 from sensors.cameras.cast_shadows import CastShadows
 from sensors.cameras.images import CONTENTS
-from sensors.cameras.texture import textured
-from sensors.effects.light.reflectance_field import ReflectanceField
+from sensors.cameras.texture import fields_of, textured
 from sensors.scene import Instances
+from sensors.sensor_model import SensorModel
 
 _IMAGE_STREAM = 5  # random stream of the image noise, independent of the frame's other random numbers
 
@@ -49,6 +49,7 @@ class RigCameras:
         products: names of the image folders to write.
         models: meshes of the instances.
         backend: OpenGL backend, `osmesa` or `egl`.
+        sensor: sensor of the LiDAR whose reflectance fields give images their texture.
         needs_view: whether an effect uses a camera view.
         seed: seed of the run.
     """
@@ -60,18 +61,18 @@ class RigCameras:
         models: Models,
         backend: str,
         *,
-        fields: Sequence[ReflectanceField],
+        sensor: SensorModel,
         needs_view: bool,
         seed: int,
     ) -> None:
         self._rig, self._models, self._backend, self._seed = rig, models, backend, seed
-        self._fields = fields
         self._view_camera = effect_camera(tuple(rig.cameras), rig.reference) if needs_view else None
         self.labelled = tuple(name for name, camera in rig.cameras.items() if camera.calibration is not None)
         needed = [*products, *(f"instance_{name}" for name in self.labelled)]
         if self._view_camera is not None:
             needed += [f"image_{self._view_camera}", f"depth_{self._view_camera}"]
         self.used = {name: rig.cameras[name] for name in cameras_of(needed)}
+        self._fields = fields_of(sensor) if any(camera.imaging.texture for camera in self.used.values()) else ()
         self._contents = {name: _with_shadows(wanted_of(name, needed)) for name in self.used}
         self._renderers: dict[tuple[int, int], CameraRenderer] = {}
 

@@ -25,7 +25,7 @@ from sensors.hits_file import load_hits
 from sensors.motion import EgoMotion
 from sensors.pattern import Pattern, load_pattern
 from sensors.scene import Instances, Scene
-from sensors.sensor_file import EXACT
+from sensors.sensor_file import EXACT_ANNOTATOR
 from sensors.sensor_model import load_sensor
 
 _LINKED = ("image_0", "image_1", "image_2", "image_3", "depth_0", "calib", "oxts", "twin/frames")
@@ -69,7 +69,8 @@ class VariantSource:
         """Label effects of the annotator of the run; none if its boxes are exact."""
         path, config = self.drive.sensor_path, self.drive.info.get("config")
         settings = config.get("labels") if isinstance(config, dict) else None
-        if path is None or not isinstance(settings, dict) or settings.get("annotator", EXACT) == EXACT:
+        annotator = settings.get("annotator") if isinstance(settings, dict) else None
+        if path is None or annotator in (None, EXACT_ANNOTATOR):
             return ()
         return tuple(effect for effect in load_sensor(path).effects if isinstance(effect, LabelEffect))
 

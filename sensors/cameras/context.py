@@ -37,7 +37,7 @@ def _import_part(name: str) -> ModuleType:
     try:
         return import_module(f"pyrender.{name}")
     finally:
-        del sys.modules["pyrender"]  # whoever imports pyrender itself gets all of it
+        del sys.modules["pyrender"]  # a later import of pyrender itself loads all of it
 
 
 SHADER_DIR = Path(__file__).parent / "shaders"

@@ -25,7 +25,7 @@ def test_built_in_annotators():
         ("- few_points", "write only a list of label effects"),
         ("effects: [{effect: range_noise, sigma_m: 0.02}]", "range_noise does not change labels"),
         ("effects: [{effect: few_points, points: -1}]", "points"),
-        ("effects: [{effect: nobody}]", "nobody"),
+        ("effects: [{effect: unknown_effect}]", "unknown_effect"),
         ("effects: {", "cannot be read"),
     ],
 )
