@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
@@ -36,9 +37,14 @@ class Shot:
         whole, rows: the whole revolution where these beams are only some of it, and which (n,).
         cache: intermediate results of effects for these beams, for any deflection; shared by shots of the same beams.
         noiseless: returns before the first noise or scan effect; None before these act.
+        texture: number of the realisation of all random fields that are fixed to surfaces; 0 is that of the world.
+        is_texture_known: whether the measured surfaces have that realisation. Where the world was made from scans, only
+            the statistics of its texture are known, and predictions have to average over realisations.
     """
 
     noiseless: Returns | None = None
+    texture: int = 0
+    is_texture_known: bool = True
 
     def __init__(
         self,
@@ -81,6 +87,12 @@ class Shot:
         if name not in self._cache:
             self._cache[name] = make()
         return self._cache[name]
+
+    def with_texture(self, number: int) -> Shot:
+        """The same beams and hits with another realisation of the fields that are fixed to surfaces."""
+        shot = copy.copy(self)
+        shot.texture, shot.is_texture_known = number, True
+        return shot
 
     @property
     def is_part(self) -> bool:

@@ -76,7 +76,9 @@ class Added:
     def __str__(self) -> str:
         words = Vocabulary([type(effect) for effect in self.sensor.effects])
         values = words.parameters(self.effect, self.params, self.ci95)
-        return f"{self.effect} ({values}): held-out error {self.error_before.error:.3f} → {self.error_after.error:.3f}"
+        before, after = self.error_before.error, self.error_after.error
+        verdict = "" if after < before else ": no improvement, keep the sensor without this fit"
+        return f"{self.effect} ({values}): held-out error {before:.3f} → {after:.3f}{verdict}"
 
 
 def add(

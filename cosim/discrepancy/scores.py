@@ -188,13 +188,17 @@ class Ensemble:
 
     @classmethod
     def of(cls, frame: TracedFrame, effects: Sequence[Effect], rng: np.random.Generator, origin: str) -> Ensemble:
-        """Sample the effects, given in the order in which they act; one member if the model is deterministic."""
+        """Sample the effects, given in the order in which they act; one member if the model is deterministic.
+
+        Where the texture of surfaces is unknown, each member has another one.
+        """
         ranges = np.full((MEMBERS, len(frame.shot.rays)), np.nan, np.float32)
         intensities = ranges.copy()
         rounding = tuple(effect for effect in effects if isinstance(effect, RoundingEffect))
         effects = [effect for effect in effects if not isinstance(effect, RoundingEffect)]
         for member in range(MEMBERS):
-            returns = act_on_returns(effects, returns_of(frame.shot.hits), frame.shot, Streams(rng), origin)
+            shot = frame.shot if frame.shot.is_texture_known else frame.shot.with_texture(member + 1)
+            returns = act_on_returns(effects, returns_of(shot.hits), shot, Streams(rng), origin)
             first = np.flatnonzero(returns.return_no == 0)
             ranges[member, returns.beam[first]] = returns.range_m[first]
             intensities[member, returns.beam[first]] = returns.intensity[first]

@@ -59,6 +59,7 @@ class Effect(BaseModel):
         confusable_with: effects with similar residuals.
         needs_new_rays: cannot be made from stored hits.
         needs_camera: uses the frame's grayscale and depth image where they are at hand.
+        has_texture: depends on a random field that is fixed to surfaces (`Shot.texture`).
         repeatable: whether a sensor file may have it more than once.
         example: parameters that show it.
         neutral: parameters that do nothing, the start of fits; None where there are none.
@@ -81,6 +82,7 @@ class Effect(BaseModel):
     confusable_with: ClassVar[tuple[str, ...]] = ()
     needs_new_rays: ClassVar[bool] = False
     needs_camera: ClassVar[bool] = False
+    has_texture: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False
     example: ClassVar[dict[str, Any]] = {}
     neutral: ClassVar[dict[str, Any] | None] = None

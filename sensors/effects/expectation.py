@@ -24,6 +24,8 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 _DRAWS = 8
+_LEAST_WEIGHT = 1e-9
+_TEXTURES = 4  # realisations over which an unknown texture is averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,9 @@ def expect(
 ) -> Expectation:
     """Expectation of a traced shot under effects in the order in which they act.
 
+    Where the texture of surfaces is unknown, this is the expectation over its realisations, and the standard deviations
+    include the spread between them (law of total variance).
+
     Args:
         effects: of the sensor.
         shot: of n beams.
@@ -64,6 +69,47 @@ def expect(
             on what the twin says. The standard deviations of the expectation are only those of the sensor.
         reflectance_factor: of all solid surfaces, at most 1.
     """
+    if shot.is_texture_known or not any(effect.has_texture for effect in effects):
+        return _expect(effects, shot, unsure, reflectance_factor)
+    shots = [shot.with_texture(number) for number in range(1, _TEXTURES + 1)]
+    mixed = _mixture([_expect(effects, one, unsure, reflectance_factor) for one in shots])
+    shot.noiseless = shots[0].noiseless
+    return mixed
+
+
+def _mixture(parts: Sequence[Expectation]) -> Expectation:
+    """Expectation of a mixture of equally probable parts: means, and spreads within and between the parts."""
+    seen = np.stack([part.seen for part in parts])
+    weight = np.maximum(seen, _LEAST_WEIGHT)
+    weight /= weight.sum(0)
+
+    def moments(name: str, sigma: str) -> tuple[np.ndarray, np.ndarray]:
+        values = np.stack([getattr(part, name) for part in parts])
+        within = np.stack([getattr(part, sigma) for part in parts]) ** 2
+        mean = (weight * values).sum(0)
+        between = (weight * np.nan_to_num(values - mean) ** 2).sum(0) * len(parts) / (len(parts) - 1)
+        return mean, np.sqrt((weight * within).sum(0) + between)
+
+    range_m, range_sigma_m = moments("range_m", "range_sigma_m")
+    intensity, intensity_sigma = moments("intensity", "intensity_sigma")
+    return Expectation(
+        range_m=range_m,
+        range_sigma_m=range_sigma_m,
+        intensity=intensity,
+        intensity_sigma=intensity_sigma,
+        seen=seen.mean(0),
+        silent=np.mean([part.silent for part in parts], axis=0),
+        elsewhere=np.mean([part.elsewhere for part in parts], axis=0),
+    )
+
+
+def _expect(
+    effects: Sequence[Effect],
+    shot: Shot,
+    unsure: tuple[np.ndarray, np.ndarray] | None,
+    reflectance_factor: float,
+) -> Expectation:
+    """Expectation of a traced shot for one texture; arguments as of `expect`."""
     beams = len(shot.rays)
     returns, shot.noiseless = shot.solids, None
     if reflectance_factor != 1:

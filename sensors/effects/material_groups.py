@@ -13,6 +13,7 @@ from sensors.returns import Returns
 from sensors.shot import Shot
 
 Group = Literal["road", "ground", "vegetation", "building", "vehicle", "other", "verge"]
+_BETWEEN_TEXTURES_M = np.array([389.0, 467.0, 0.0])  # no multiple of the fields' periods
 _NAMES = {
     "ground": ("kerb", "paving", "cobble", "gravel", "grass", "soil"),
     "verge": ("gravel", "grass", "soil"),  # part of ground
@@ -38,11 +39,13 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     """Places (m, 3) float32 of returns: in the world, or in the axes of the object that they are on [m].
 
     Positions are shifted by a vector that depends on the object's id: objects of one model have different surfaces.
+    Another realisation of the texture (`Shot.texture`) is the same field elsewhere.
     """
+    elsewhere = shot.texture * _BETWEEN_TEXTURES_M
     points = shot.points_in_world(returns)
     rows = np.flatnonzero(returns.instance >= 0)
     if shot.world is None or not len(rows):
-        return points.astype(np.float32)
+        return (points + elsewhere).astype(np.float32)
     instances, row = shot.world.instances, returns.instance[rows]
     on = returns.take(rows)
     time_s = np.broadcast_to(shot.time_s(on), len(rows)).astype(np.float64)
@@ -53,7 +56,7 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     points[rows] = (
         np.einsum("nji,nj->ni", instances.poses[row, :3, :3], arm) + shift_of_instance(instances.ids)[row, None]
     )
-    return points.astype(np.float32)
+    return (points + elsewhere).astype(np.float32)
 
 
 def shift_of_instance(ids: Sequence[str]) -> np.ndarray:

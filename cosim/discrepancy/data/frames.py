@@ -171,6 +171,8 @@ class FrameTracer:
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
         edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
+        has_own_axes = frame.has("twin/trust")
+        shot.is_texture_known = own_map is None and not has_own_axes
         return TracedFrame(
             name=name,
             place=twin.static or "",
@@ -185,7 +187,7 @@ class FrameTracer:
             neighbours=self._neighbours,
             border=border,
             seam=seam,
-            own_axes=frame.has("twin/trust"),
+            own_axes=has_own_axes,
             ego=ego,
             instances=instances,
             map=own_map,

@@ -323,7 +323,7 @@ class FrameReplay(Replayed):
     ) -> Shot:
         pose, (origin, direction, time_s) = self._world.pose, moving
         hits = Hits(beams.rays, pose, solid, self.pane_beam, pane, self.paint, self.table)
-        return Shot(
+        shot = Shot(
             self._shot.pattern,
             beams.rays,
             beams=beams,
@@ -335,6 +335,8 @@ class FrameReplay(Replayed):
             rows=self._rows,
             cache=self._cache,
         )
+        shot.is_texture_known = self._shot.is_texture_known
+        return shot
 
 
 def _world_rays(

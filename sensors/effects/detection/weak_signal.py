@@ -33,6 +33,7 @@ class WeakSignal(EchoEffect):
     taxonomy: ClassVar = "di3"
     confusable_with: ClassVar = ("intensity_floor", "pulse_detection")
     needs_new_rays: ClassVar = True  # places on moving objects need their poses
+    has_texture: ClassVar = True
     example: ClassVar = {
         "signals": (0.05, 0.1) * 32,
         "steepness": 8.0,

@@ -31,6 +31,7 @@ class _Field(EchoEffect):
     taxonomy: ClassVar = "sp47"
     confusable_with: ClassVar = ("intensity_noise", "intensity_jitter")
     needs_new_rays: ClassVar = True  # places on moving objects need their poses
+    has_texture: ClassVar = True
     repeatable: ClassVar = True
     is_candidate: ClassVar = False
     shift: ClassVar[int] = 0

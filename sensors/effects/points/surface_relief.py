@@ -34,6 +34,7 @@ class SurfaceRelief(PointEffect):
     taxonomy: ClassVar = "sp47"
     confusable_with: ClassVar = ("range_noise", "foliage_depth")
     needs_new_rays: ClassVar = True  # places on moving objects need their poses
+    has_texture: ClassVar = True
     repeatable: ClassVar = True
     example: ClassVar = {
         "surfaces": "road",

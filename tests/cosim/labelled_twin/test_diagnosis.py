@@ -61,6 +61,7 @@ def test_such_scans_have_no_pose_errors_that_could_make_up_for_the_sensor(tmp_pa
     for free in ((), (0,)):
         found = trace_and_fit(context, drive.frames, effects, free)
         assert found.fitter.sample.own_axes
+        assert not any(frame.shot.is_texture_known for frame in found.frames)
         assert not found.fitter.random.poses(found.fitted.estimate).any()
     offset = found.fitted.effects[0]
     assert isinstance(offset, ElevationOffset)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from assets.materials import material_index
+from sensors.effects.expectation import expect
 from sensors.effects.spatial_noise import CELLS, field_at
 from sensors.returns import Returns
 from sensors.scene import Scene
@@ -118,3 +119,23 @@ def test_the_kitti_sensor_stores_millimetres_in_the_order_of_kittis_files() -> N
     np.testing.assert_allclose(cloud.xyz * 1000, np.rint(cloud.xyz * 1000), atol=0.01)
     turn = np.mod(cloud.azimuth, 2 * np.pi)
     assert np.all(np.diff(turn)[np.diff(cloud.ring.astype(int)) == 0] >= 0)
+
+
+def test_an_unknown_texture_is_a_spread_and_not_a_prediction() -> None:
+    """σ of I·exp(σ·f) is I·√(e^{σ²}(e^{σ²} − 1)) over realisations, and each realisation is another field."""
+    sigma = 0.3
+    model = sensor(effect("reflectance_field", surfaces="road", sigma=sigma, cell_m=0.02))
+    bare, shot = shoot(sensor(), ROAD)
+    known = expect(model.effects, shot)
+    beam, true = bare.beam, bare.intensity * np.exp(sigma**2 / 2)
+    assert not known.intensity_sigma.any()
+    other = expect(model.effects, shot.with_texture(1)).intensity[beam]
+    assert other.mean() == pytest.approx(true.mean(), rel=0.05)
+    assert abs(np.corrcoef(other / bare.intensity, known.intensity[beam] / bare.intensity)[0, 1]) < 0.3
+    shot.is_texture_known = False
+    unknown = expect(model.effects, shot)
+    assert unknown.intensity[beam].mean() == pytest.approx(true.mean(), rel=0.05)
+    spread = np.sqrt(np.mean((unknown.intensity_sigma[beam] / true) ** 2))
+    assert spread == pytest.approx(np.sqrt(np.exp(sigma**2) - 1), rel=0.15)
+    np.testing.assert_array_equal(unknown.seen, known.seen)
+    np.testing.assert_allclose(unknown.range_m[beam], known.range_m[beam], rtol=1e-6)
