@@ -169,6 +169,7 @@ class Aligned:
                 without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
                 self._estimate = fit_random_effects(on, effects, without_map).estimate
         self._tolerance = edge_tolerance(self._random, self._estimate)
+        self._brightness = _brightness_of_maps(self._frames, in_order(context.initial_effects), self._effects)
         self._totals: dict[Removed, list[Totals]] = {}
         self._floor: list[dict[str, tuple[float, int]]] = []
         self._last: _Scan | None = None
@@ -253,6 +254,7 @@ class Aligned:
                 random=self._random,
                 estimate=self._estimate,
                 wide=frame.near_uncertain_edges(*self._tolerance) if any(self._tolerance) else None,
+                brightness=self._brightness,
             )
         return self._last
 
@@ -268,6 +270,7 @@ class _Scan:
         members: ensemble prediction.
         random, estimate: random effects and their estimate.
         wide: (n,) bool ambiguous beams, replaces `frame.edge`.
+        brightness: factors on the reflectances of materials, by row of the table; None for 1.
     """
 
     number: int
@@ -277,19 +280,20 @@ class _Scan:
     random: RandomEffects
     estimate: Estimate
     wide: np.ndarray | None
+    brightness: np.ndarray | None
 
     def scores(self, removed: Removed) -> FrameScores:
         """Scores with the random effects of some sources removed."""
-        adjustment = self.whole.adjustment(self.whole.moved(removed.parts)) if removed.parts else None
-        return scored(self.frame, self.members, adjustment, self.wide if removed.uncertain_edges else None)
+        return scored(
+            self.frame, self.members, self._adjustment(removed), self.wide if removed.uncertain_edges else None
+        )
 
     def expected(self, removed: Removed) -> Expectation:
         """Expectation of the beams, adjusted by the random effects of some sources."""
-        expectation = self._expectation
-        if not removed.parts:
+        expectation, adjustment = self._expectation, self._adjustment(removed)
+        if adjustment is None:
             return expectation
         moved = self.whole.moved(removed.parts)
-        adjustment = self.whole.adjustment(moved)
         return replace(
             expectation,
             range_m=expectation.range_m + adjustment.shift_m,
@@ -304,6 +308,18 @@ class _Scan:
         sample = whole_sample(self.frame)
         predicted = sample.predict_traced(self.effects, self.frame.shot, self._expectation)
         return _Whole.of(self.random, self.estimate, self.number, sample, predicted)
+
+    def _adjustment(self, removed: Removed) -> Adjustment | None:
+        """Changes of the prediction by removed sources, and by the reflectances of a map under the model's effects.
+
+        Surfaces of the sample have their own fitted reflectances where those of the map are removed.
+        """
+        adjustment = self.whole.adjustment(self.whole.moved(removed.parts)) if removed.parts else None
+        if self.brightness is None:
+            return adjustment
+        adjustment = Adjustment() if adjustment is None else adjustment
+        brightness = self.brightness[self.frame.shot.hits.solid.material]
+        return replace(adjustment, gain=np.where(np.equal(adjustment.gain, 1), brightness, adjustment.gain))
 
     @cached_property
     def _expectation(self) -> Expectation:
@@ -337,6 +353,34 @@ class _Whole:
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
         shift_m = np.nan_to_num(moved.range_m - self.expected.range_m)
         return Adjustment(shift_m, gain, moved.silent - self.expected.silent)
+
+
+def _brightness_of_maps(
+    frames: Sequence[TracedFrame], initial: Sequence[Effect], effects: Sequence[Effect]
+) -> np.ndarray | None:
+    """Factors on the reflectances of a map's materials under other effects, by row of their table.
+
+    The reflectances of a map that was made from the scans are those with which the initial effects give the mean
+    measured intensities. Other effects give the same means with other reflectances.
+
+    Args:
+        frames: traced.
+        initial: effects with which the map was made, in the order in which they act.
+        effects: of the model, in the same order.
+
+    Returns:
+        Factors, or None where no frame is in such a map, or the intensities do not change.
+    """
+    if not any(frame.map for frame in frames) or tuple(initial) == tuple(effects):
+        return None
+    sums = np.zeros((2, len(frames[0].shot.hits.table.names)))
+    for frame in frames:
+        used = np.flatnonzero((frame.surface >= 0) & frame.observed.returned & frame.observed.trusted)
+        material = frame.shot.hits.solid.material[used]
+        for row, model in enumerate((initial, effects)):
+            expected = expect(model, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
+            sums[row] += np.bincount(material, expected.intensity[used], sums.shape[1])
+    return np.where((sums > 0).all(0), sums[0] / np.where(sums[1] > 0, sums[1], 1.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
