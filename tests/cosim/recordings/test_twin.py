@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from cosim.cli import main
 from cosim.discrepancy.analysis import context_of
+from cosim.discrepancy.budget import AS_GIVEN, Aligned
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import fit_nuisances
 from cosim.discrepancy.inference.parameters import all_free
@@ -28,6 +29,7 @@ from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
 from cosim.recordings.mapping.sweep import sweep_motion
 from sensors.effects.beams.sweep_motion import SweepMotion
+from sensors.effects.light.range_falloff import RangeFalloff
 from sensors.effects.points.intensity_noise import IntensityNoise
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.pattern import Pattern, load_pattern
@@ -239,6 +241,29 @@ def test_a_fit_finds_the_motion_in_the_sweep_together_with_noise(twin: Path) -> 
     moving = fitter.fit(effects, free, fitted.estimate)
     assert moving.loglik - fitted.loglik > 50
     assert moving.effects[-1].model_dump()["sweep_s"] == pytest.approx(0.1, rel=0.3)
+
+
+def test_a_map_keeps_the_mean_intensities_of_its_scans_under_other_effects(twin: Path) -> None:
+    """Intensity effects of a model would otherwise darken a map whose reflectances are mean measured intensities."""
+    drive = Drive(twin / "twin")
+    sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02),))
+    falloff = RangeFalloff(reference_m=5.0, exponent=1.5)
+    context = context_of(opened(drive), sensor, settings=replace(DEFAULT, rows=8_000))
+    on = fit_nuisances(context)
+    before, after = Aligned(context, on, sensor.effects), Aligned(context, on, (*sensor.effects, falloff))
+    sums = np.zeros((2, 2))
+    for number in range(len(before)):
+        one, other = before.frame(number, AS_GIVEN), after.frame(number, AS_GIVEN)
+        used = (one.frame.surface >= 0) & one.frame.observed.returned & one.frame.observed.trusted
+        for row, kind in enumerate(("asphalt", "concrete")):
+            material = one.frame.shot.hits.table.names.index(kind)
+            rows = used & (one.frame.shot.hits.solid.material == material)
+            sums[:, row] += [part.expected.intensity[rows].sum() for part in (one, other)]
+    assert (sums > 0).all()
+    np.testing.assert_allclose(sums[1], sums[0], rtol=1e-3)
+    found = after.frame(0, AS_GIVEN)
+    near = found.frame.shot.hits.solid.range_m < 5
+    assert found.expected.intensity[near].mean() > 1.2 * before.frame(0, AS_GIVEN).expected.intensity[near].mean()
 
 
 def test_what_stood_before_the_sky_and_is_gone_moves_and_what_is_too_far_to_return_does_not() -> None:
