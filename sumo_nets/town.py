@@ -15,7 +15,7 @@ from assets.streets import Streets
 from sumo_nets.errors import TownError
 from sumo_nets.lanelets import read_lanelets
 from sumo_nets.local_origin import ZERO, find_origin, move_file, move_scenario, move_streets, net_origin
-from sumo_nets.parking import Lot, read_angled_parking, read_parking
+from sumo_nets.parking import Lot, read_parking
 from sumo_nets.reader import not_drawn, read_network, read_streets
 from sumo_nets.recipes import RECIPES, TOWNS
 from sumo_nets.scenario import Scenario, read_scenario
@@ -83,11 +83,6 @@ class Town:
     def lots(self) -> tuple[Lot, ...]:
         """Kerbside parking."""
         return read_parking(self.additional)
-
-    @cached_property
-    def angled_parking(self) -> frozenset[str]:
-        """Ids of the parking areas in which vehicles are not parallel to their lane."""
-        return read_angled_parking(self.additional)
 
     @cached_property
     def types(self) -> TypeTable:

@@ -127,7 +127,6 @@ def _simulate(
                 sight_m=max(_SIGHT_M, config.label_range_m),
                 may_appear=is_scenario,
                 beside_parked=beside_parked,
-                angled_parking=town.angled_parking,
                 on_step=on_step,
             )
             actors = living.step() if state else living.advance(max(2, round(lead_in_s / config.step_s)))

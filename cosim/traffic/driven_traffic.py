@@ -32,7 +32,6 @@ class DrivenTraffic:
         may_appear: whether vehicles may appear there all the same.
         on_step: called after every step.
         beside_parked: share of the parked vehicles with a person near them [1].
-        angled_parking: ids of parking areas whose vehicles are parked at an angle: SUMO places them.
     """
 
     def __init__(
@@ -44,14 +43,13 @@ class DrivenTraffic:
         *,
         may_appear: bool = False,
         beside_parked: float = 0.0,
-        angled_parking: Collection[str] = (),
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
         self._on_step = on_step
         self._traffic = traffic
         self._motion = Motion(traffic.step_s)
         self._kerbside = KerbsideParking(config, seed)
-        self._roads = Roads(traffic.api, angled_parking)
+        self._roads = Roads(traffic.api)
         self._protected: set[str] = set()
         self._sight_m = sight_m
         self._vicinity: _Vicinity | None = None

@@ -66,7 +66,7 @@ def stay(town: str, config: BehaviourConfig, seconds: float, seed: int, toleranc
     inspector, teleports, counts = Inspector(tolerance_m=tolerance_m), 0, []
     files = read_town(town)
     with Traffic(files.sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05, angled_parking=files.angled_parking)
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
         steps, ego, rng = round(seconds / traffic.step_s), "", np.random.default_rng(seed)
         for number in range(steps):
             actors = living.step()

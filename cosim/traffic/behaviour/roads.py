@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from cosim.traffic.motion.corners import corner_speed
 from sumo_nets.lanes import RAILWAYS, TRAMS
+from sumo_nets.parking import read_angled_parking
 
 _ON_FOOT = ("pedestrian",)
 _ON_RAILS = TRAMS | RAILWAYS
@@ -85,10 +87,12 @@ class Roads:
 
     Args:
         api: libsumo or a TraCI connection.
-        angled_parking: ids of parking areas whose vehicles are parked at an angle; they are not in `lots`.
+
+    Attributes:
+        lots: parking spaces by lane, without those in which SUMO parks vehicles at an angle.
     """
 
-    def __init__(self, api: ModuleType, angled_parking: Collection[str] = ()) -> None:
+    def __init__(self, api: ModuleType) -> None:
         self.lanes: dict[str, Lane] = {}
         closed: dict[str, list[tuple[int, float]]] = {}
         for name in api.lane.getIDList():
@@ -128,7 +132,8 @@ class Roads:
             lanes.sort(key=lambda lane: lane.index)
         self.strip_m = {edge: sum(width for _, width in lanes) for edge, lanes in closed.items()}
         self.back = self._ways_back(api)
-        self.lots = self._lots(api, angled_parking)
+        additional = api.simulation.getOption("additional-files").split(",")
+        self.lots = self._lots(api, read_angled_parking(Path(name) for name in additional if name))
 
     def right_room(self, edge: str) -> float:
         """Width of the parking strip on an edge's right [m]."""

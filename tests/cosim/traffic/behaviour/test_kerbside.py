@@ -22,10 +22,9 @@ class Kerb:
     """Parked vehicles, their lanes and their poses."""
 
     def __init__(self, config: BehaviourConfig, town: str = "town01") -> None:
-        angled = read_town(town).angled_parking
         with Traffic(read_town(town).sumocfg, seed=1) as traffic:
-            living = DrivenTraffic(traffic, config, seed=1, angled_parking=angled)
-            roads = Roads(traffic.api, angled)
+            living = DrivenTraffic(traffic, config, seed=1)
+            roads = Roads(traffic.api)
             self.actors: Actors = living.advance(15)
             self.rows = np.flatnonzero(self.actors.parked)
             stops = [traffic.api.vehicle.getStops(self.actors.ids[row], 1)[0] for row in self.rows]

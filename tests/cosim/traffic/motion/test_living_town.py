@@ -29,7 +29,7 @@ def live(
     inspector, teleports, ego = Inspector(), 0, ""
     files = read_town(town)
     with Traffic(files.sumocfg, seed=seed) as traffic:
-        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05, angled_parking=files.angled_parking)
+        living = DrivenTraffic(traffic, config, seed=seed, beside_parked=0.05)
         for number in range(steps):
             actors = living.step()
             teleports += traffic.api.simulation.getStartingTeleportNumber()
