@@ -21,7 +21,7 @@ from cosim.discrepancy.inference.dependence import (
     spurious_densities,
 )
 from cosim.discrepancy.inference.derivatives import Derivatives
-from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
+from cosim.discrepancy.inference.likelihood import Residuals, intensity_loglik, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.parameters import (
     Free,
@@ -431,19 +431,24 @@ class Fitter:
             return state
         brightness, darkest = 1 + state.estimate.u[rows], self.settings.random_effects.darkest
         trials = [1 + other.u[rows]] if other else [by * brightness for by in self.settings.descent.brightnesses]
-        cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0)
+        cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0) * state.residuals.matched
 
-        def evaluate(brightness: np.ndarray) -> tuple[_State, np.ndarray]:
+        def with_brightness(values: np.ndarray) -> Estimate:
             estimate = replace(state.estimate, u=state.estimate.u.copy())
-            estimate.u[rows] = brightness - 1
-            adjusted = replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
-            return adjusted, np.bincount(cell, used * adjusted.residuals.loglik, len(brightness))
+            estimate.u[rows] = values - 1
+            return estimate
 
-        best, reached = brightness, np.bincount(cell, used * state.residuals.loglik, len(brightness))
+        def loglik_of(values: np.ndarray) -> np.ndarray:
+            """The part of each surface's log-likelihood that depends on its albedo."""
+            expected = self.random.brightened(state.prediction, with_brightness(values))
+            return np.bincount(cell, used * intensity_loglik(sample, expected), len(values))
+
+        best, reached = brightness, loglik_of(brightness)
         for trial in (np.maximum(values, darkest) for values in trials):
-            value = evaluate(trial)[1]
+            value = loglik_of(trial)
             best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
-        return evaluate(best)[0]
+        estimate = with_brightness(best)
+        return replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
 
     def _remove_common_gain(self, effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> np.ndarray:
         """Remove the mean over lasers from a step (p,) of per-laser gains; it is confounded with map reflectance."""

@@ -262,6 +262,11 @@ def shares_of_neither(
     return share
 
 
+def intensity_loglik(sample: Sample, expected: Prediction) -> np.ndarray:
+    """Log-likelihood (n,) of the intensities if each return is from the traced surface."""
+    return _intensity_residuals(sample, expected, intensity_spread(expected, sample.settings.likelihood))[-1]
+
+
 def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarray) -> tuple[np.ndarray, ...]:
     """Intensity residuals if each return is from the traced surface; arrays (n,), see `Residuals`.
 

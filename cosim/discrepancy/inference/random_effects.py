@@ -303,15 +303,20 @@ class RandomEffects:
                 moved = moved + self._designs[block.name] @ part
         share = self.brightness(estimate)
         seen = self._seen(expected, share)
-        spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
         return replace(
-            expected,
+            self._brightened(expected, share),
             range_m=expected.range_m + moved,
-            intensity=expected.intensity * share,
-            intensity_sigma=spread,
             seen=seen,
             silent=np.clip(expected.silent + expected.seen - seen, 0, 1),
         )
+
+    def brightened(self, expected: Prediction, estimate: Estimate) -> Prediction:
+        """Return the prediction with the intensities that the albedos give; all else is unchanged."""
+        return self._brightened(expected, self.brightness(estimate))
+
+    def _brightened(self, expected: Prediction, share: np.ndarray) -> Prediction:
+        spread = expected.intensity_sigma * (share if self.sample.of_own_map else 1.0)
+        return replace(expected, intensity=expected.intensity * share, intensity_sigma=spread)
 
     def brightness(self, estimate: Estimate) -> np.ndarray:
         """(n,) factor by which the random effects change the intensities."""
