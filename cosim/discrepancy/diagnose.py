@@ -104,14 +104,18 @@ def diagnose(
     selected, findings, phases = convert_terms(context, selected)
     selected, findings = drop_insignificant(context, selected, findings)
     diagnosis = conclude(context, selected, (*facts, *findings), phases, exchanged, first, last)
-    if findings and _is_contradicted(diagnosis):
+    if findings and not model.fitter.sample.of_own_map and _is_contradicted(diagnosis):
         context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
         diagnosis = conclude(context, model, facts, (), exchanged, first, first)
     return add_labels(diagnosis, measured)
 
 
 def _is_contradicted(diagnosis: Diagnosis) -> bool:
-    """Whether the error of held-out frames rises with the findings, so that these cannot be the cause."""
+    """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
+
+    Not for a map of the drive's own scans: it was made with the initial effects, and only a map made again with the
+    findings can contradict those that move points.
+    """
     return diagnosis.budget.is_raised(diagnosis.settings.at_floor, diagnosis.settings.level)
 
 

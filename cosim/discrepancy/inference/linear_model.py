@@ -66,9 +66,7 @@ class LinearModel:
         """Linearise about a prediction and an estimate of the random effects."""
         used = np.flatnonzero(random.active(estimate))
         designs = random.designs(prediction, estimate)
-        z: dict[Quantity, SparseMatrix] = {
-            name: matrix.tocsc()[:, used].tocsr() for name, matrix in designs.items() if name in evidence.score
-        }
+        z: dict[Quantity, SparseMatrix] = {name: one for name, one in designs.items() if name in evidence.score}
         information = sparse.csr_matrix((len(used), len(used)))
         for name, matrix in z.items():
             if matrix.nnz:

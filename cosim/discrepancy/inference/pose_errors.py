@@ -40,8 +40,7 @@ class PoseErrors:
         self._derivative, self._frame = derivative, frame
         self._reach = np.nan_to_num(reach_m, nan=np.inf)
         columns = self._frame[:, None] * 6 + np.arange(6)
-        rows = np.repeat(np.arange(len(frame)), 6)
-        self._places = (rows, columns.ravel())
+        self._columns = columns.ravel().astype(np.int32), np.arange(len(frame) + 1, dtype=np.int32) * 6
         self._shape = (len(frame), 6 * scans)
 
     def shift(self, pose: np.ndarray, bent_m: np.ndarray | None = None) -> np.ndarray:
@@ -58,7 +57,7 @@ class PoseErrors:
         farther = (1 + moved / self._reach) / slope
         scale = np.repeat(np.stack([1 / slope, farther / slope], 1), 3, axis=1)
         values = (self._derivative * scale).ravel()
-        return sparse.csr_matrix((values, self._places), self._shape)
+        return sparse.csr_matrix((values, *self._columns), self._shape)
 
     def range_derivative(self, pose: np.ndarray, bent_m: np.ndarray) -> np.ndarray:
         """(n,) dR′/dR₁, with the ranges `bent_m` (n,) [m] as changed by effects."""

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import sparse, special
 
 from cosim.discrepancy.inference.pose_errors import PoseErrors
-from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix
+from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix, scaled
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 
 _AXES = 6
@@ -352,14 +352,12 @@ class RandomEffects:
         return factors
 
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
-        """(n, m) derivatives of each quantity with respect to the random effects; inactive columns are empty."""
-        rows, active = len(self.sample), self.active(estimate)
-        parts: dict[Quantity, list[SparseMatrix]] = {"range": [], "intensity": [], "intensity_variance": [], "drop": []}
-        for (block, is_active), (_, u) in zip(self._split(active), self._split(estimate.u), strict=True):
-            empty = sparse.csr_matrix((rows, block.size))
+        """(n, a) derivatives with respect to the active random effects, for each quantity that these change."""
+        blocks: list[dict[Quantity, SparseMatrix]] = []
+        for (block, is_active), (_, u) in zip(self._split(self.active(estimate)), self._split(estimate.u), strict=True):
             if not is_active.any():
-                derivatives = empty
-            elif block.name == "poses":
+                continue
+            if block.name == "poses":
                 derivatives = self._pose_errors.slopes(self.poses(estimate), expected.range_m)
             elif block.quantity == "range":
                 derivatives = self._designs[block.name]
@@ -368,11 +366,14 @@ class RandomEffects:
             own: dict[Quantity, SparseMatrix] = {block.quantity: derivatives}
             if block.quantity == "intensity" and block.free:
                 own["intensity_variance"] = self._spread_design(block, u)
-            elif block.quantity == "intensity" and is_active.any():
+            elif block.quantity == "intensity":
                 own["drop"] = self._loss_design(block, expected, estimate)
-            for quantity, columns in parts.items():
-                columns.append(own.get(quantity, empty))
-        return {name: sparse.hstack(columns, format="csr") for name, columns in parts.items() if columns}
+            if not is_active.all():
+                own = {name: matrix[:, np.flatnonzero(is_active)] for name, matrix in own.items()}
+            blocks.append(own)
+        widths = [next(iter(own.values())).shape[1] for own in blocks]
+        quantities: list[Quantity] = list(dict.fromkeys(name for own in blocks for name in own))
+        return {name: _side_by_side([own.get(name) for own in blocks], widths) for name in quantities}
 
     def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Update the variances once by MacKay's fixed-point iteration (Neural Comput. 4, 1992): σ² = uᵀu/γ.
@@ -439,12 +440,12 @@ class RandomEffects:
 
     def _intensity_design(self, block: Block, expected: Prediction) -> SparseMatrix:
         """(n, size) derivatives of intensities with respect to albedo."""
-        return sparse.diags(expected.intensity) @ self._indicator_matrix(block)
+        return scaled(self._indicator_matrix(block), expected.intensity)
 
     def _loss_design(self, block: Block, expected: Prediction, estimate: Estimate) -> SparseMatrix:
         """(n, size) derivatives of the probability of a return with respect to albedo."""
         seen = self._seen(expected, self.brightness(estimate))
-        return sparse.diags(seen * (1 - seen) * expected.log_odds_by_reflectance()) @ self._indicator_matrix(block)
+        return scaled(self._indicator_matrix(block), seen * (1 - seen) * expected.log_odds_by_reflectance())
 
     def _spread_design(self, block: Block, u: np.ndarray) -> SparseMatrix:
         """(n, size) derivatives of log σ of intensities, which is proportional to the albedo."""
@@ -471,6 +472,17 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._designs[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._designs[block.name]
+
+
+def _side_by_side(parts: Sequence[SparseMatrix | None], widths: Sequence[int]) -> SparseMatrix:
+    """Matrices (n, w) next to each other; None for columns of zeros."""
+    there = [(part, first) for part, first in zip(parts, np.cumsum([0, *widths]), strict=False) if part is not None]
+    rows, width = there[0][0].shape[0], sum(widths)
+    if len(there) == 1:
+        part, first = there[0]
+        return sparse.csr_matrix((part.data, part.indices + first, part.indptr), (rows, width))
+    empty = (sparse.csr_matrix((rows, width)) for width in widths)
+    return sparse.hstack([zeros if part is None else part for part, zeros in zip(parts, empty, strict=True)], "csr")
 
 
 def _joined_cells(sample: Sample) -> np.ndarray:
