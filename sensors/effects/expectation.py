@@ -54,25 +54,25 @@ class Expectation:
 def expect(
     effects: Sequence[Effect],
     shot: Shot,
-    unsure: tuple[np.ndarray, np.ndarray] | None = None,
+    twin_sigmas: tuple[np.ndarray, np.ndarray] | None = None,
     reflectance_factor: float = 1.0,
 ) -> Expectation:
     """Expectation of a traced shot under effects in the order in which they act.
 
     Where the texture of surfaces is unknown, this is the expectation over its realisations, and the standard deviations
-    include the spread between them (law of total variance).
+    include the spread between them.
 
     Args:
         effects: of the sensor.
         shot: of n beams.
-        unsure: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
+        twin_sigmas: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
             on what the twin says. The standard deviations of the expectation are only those of the sensor.
         reflectance_factor: of all solid surfaces, at most 1.
     """
     if shot.is_texture_known or not any(effect.has_texture for effect in effects):
-        return _expect(effects, shot, unsure, reflectance_factor)
+        return _expect(effects, shot, twin_sigmas, reflectance_factor)
     shots = [shot.with_texture(number) for number in range(1, _TEXTURES + 1)]
-    mixed = _mixture([_expect(effects, one, unsure, reflectance_factor) for one in shots])
+    mixed = _mixture([_expect(effects, one, twin_sigmas, reflectance_factor) for one in shots])
     shot.noiseless = shots[0].noiseless
     return mixed
 
@@ -106,7 +106,7 @@ def _mixture(parts: Sequence[Expectation]) -> Expectation:
 def _expect(
     effects: Sequence[Effect],
     shot: Shot,
-    unsure: tuple[np.ndarray, np.ndarray] | None,
+    twin_sigmas: tuple[np.ndarray, np.ndarray] | None,
     reflectance_factor: float,
 ) -> Expectation:
     """Expectation of a traced shot for one texture; arguments as of `expect`."""
@@ -118,7 +118,11 @@ def _expect(
     seen, elsewhere, silent = np.ones(beams), np.zeros(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     noise = np.zeros((2, beams))  # the part of the variances that noise effects added
-    more = (np.zeros(beams), np.zeros(beams)) if unsure is None else (np.square(unsure[0]), np.square(unsure[1]))
+    more = (
+        (np.zeros(beams), np.zeros(beams))
+        if twin_sigmas is None
+        else (np.square(twin_sigmas[0]), np.square(twin_sigmas[1]))
+    )
     clips = list(CLIP_BEFORE)
     for effect in effects:
         while clips and effect.phase >= clips[0]:
