@@ -65,8 +65,8 @@ def expect(
     Args:
         effects: of the sensor.
         shot: of n beams.
-        twin_sigmas: (n,) each, how far the twin's ranges [m] and reflectances may be off: rounding acts on what is true, not
-            on what the twin says. The standard deviations of the expectation are only those of the sensor.
+        twin_sigmas: (n,) each, standard deviations of the twin's ranges [m] and reflectances: rounding acts on the true
+            values, not on those of the twin. The standard deviations of the expectation are only those of the sensor.
         reflectance_factor: of all solid surfaces, at most 1.
     """
     if shot.is_texture_known or not any(effect.has_texture for effect in effects):
@@ -118,11 +118,7 @@ def _expect(
     seen, elsewhere, silent = np.ones(beams), np.zeros(beams), None
     range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
     noise = np.zeros((2, beams))  # the part of the variances that noise effects added
-    more = (
-        (np.zeros(beams), np.zeros(beams))
-        if twin_sigmas is None
-        else (np.square(twin_sigmas[0]), np.square(twin_sigmas[1]))
-    )
+    of_twin = (np.zeros(beams),) * 2 if twin_sigmas is None else tuple(map(np.square, twin_sigmas))
     clips = list(CLIP_BEFORE)
     for effect in effects:
         while clips and effect.phase >= clips[0]:
@@ -162,10 +158,13 @@ def _expect(
                 noise[row, returns.beam] += change
         elif isinstance(effect, RoundingEffect):
             beam = returns.beam
-            true_range, true_intensity = range_variance[beam] + more[0][beam], intensity_variance[beam] + more[1][beam]
+            true_range, true_intensity = (
+                range_variance[beam] + of_twin[0][beam],
+                intensity_variance[beam] + of_twin[1][beam],
+            )
             returns, spread = rounded(returns, effect, np.sqrt(true_range), np.sqrt(true_intensity))
-            range_variance[beam] = np.maximum(spread[0] - more[0][beam], 0)
-            intensity_variance[beam] = np.maximum(spread[1] - more[1][beam], 0)
+            range_variance[beam] = np.maximum(spread[0] - of_twin[0][beam], 0)
+            intensity_variance[beam] = np.maximum(spread[1] - of_twin[1][beam], 0)
         elif isinstance(effect, PointEffect):
             returns, spread = _mean_and_spread(effect, returns, shot)
             range_variance[returns.beam] += spread[0]
