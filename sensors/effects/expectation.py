@@ -158,13 +158,11 @@ def _expect(
                 noise[row, returns.beam] += change
         elif isinstance(effect, RoundingEffect):
             beam = returns.beam
-            true_range, true_intensity = (
-                range_variance[beam] + of_twin[0][beam],
-                intensity_variance[beam] + of_twin[1][beam],
-            )
+            extra_range, extra_intensity = (variance[beam] for variance in of_twin)
+            true_range, true_intensity = range_variance[beam] + extra_range, intensity_variance[beam] + extra_intensity
             returns, spread = rounded(returns, effect, np.sqrt(true_range), np.sqrt(true_intensity))
-            range_variance[beam] = np.maximum(spread[0] - of_twin[0][beam], 0)
-            intensity_variance[beam] = np.maximum(spread[1] - of_twin[1][beam], 0)
+            range_variance[beam] = np.maximum(spread[0] - extra_range, 0)
+            intensity_variance[beam] = np.maximum(spread[1] - extra_intensity, 0)
         elif isinstance(effect, PointEffect):
             returns, spread = _mean_and_spread(effect, returns, shot)
             range_variance[returns.beam] += spread[0]
