@@ -37,8 +37,9 @@ from cosim.discrepancy.inference.dependence import SPURIOUS
 from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.selection.curves import curve_of
+from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
-from cosim.discrepancy.selection.search import SelectionEvidence, select_terms
+from cosim.discrepancy.selection.search import select_terms
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained, remaining
 from cosim.discrepancy.unknown.effect import UnknownEffect

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.dictionary.covariates import SampleCovariate
-from cosim.discrepancy.selection.search import SelectionEvidence
+from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.unknown.curve import Axis
 

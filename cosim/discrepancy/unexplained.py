@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from cosim.discrepancy.selection.choice import needed_gain
+from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel
-from cosim.discrepancy.selection.search import SelectionEvidence, is_explained, needed_gain
+from cosim.discrepancy.selection.search import is_explained
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unknown.curve import CHANNEL_UNITS

@@ -15,8 +15,8 @@ from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel
-from cosim.discrepancy.selection.search import gather_evidence
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.drives.twin import write_frame
 from cosim.drives.twin.frame import read_frame

@@ -1,0 +1,291 @@
+"""Choice of the next term: a shortlist of candidates, their exact refits, the best of these and its alternatives."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim.discrepancy.dictionary.groups import FAMILIES, Group
+from cosim.discrepancy.dictionary.periodic import line_group
+from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
+from cosim.discrepancy.selection.confirm import p_about_fit
+from cosim.discrepancy.selection.evidence import SelectionEvidence
+from cosim.discrepancy.selection.gain import is_rival
+from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
+from cosim.discrepancy.selection.table import GroupTest
+from cosim.discrepancy.settings import Settings
+
+_LOG = logging.getLogger(__name__)
+STEPS = 10
+"""Maximum number of Gauss–Newton steps of a refit to convergence."""
+_ROUGH_STEPS = 4  # of a refit that compares candidates
+_LEAST_Z = 3.0  # standardised score of a hypothesis that turns beams above which it is refitted
+
+
+def needed_gain(group: Group, model: FittedModel, settings: Settings) -> float:
+    """Log-likelihood that a term must gain: the first one little, a follower more than what fits are exact to.
+
+    Bins approximate an unknown function, so that a share of what a dependence gains is left to others of its family;
+    an effect of the catalogue has its exact equation. Gains of shared errors are those of a linear model.
+
+    Args:
+        group: the candidate.
+        model: with its terms.
+        settings: numeric choices.
+    """
+    by = settings.selection
+    if not model.terms:
+        return by.least_gain
+    fitted = [term for term in model.terms if not term.group.is_shared]
+    family = [term for term in fitted if term.group.family == group.family]
+    if group.is_shared:
+        return max(by.least_follower, by.shared_share * max((term.exact_gain for term in family), default=0.0))
+    in_bins = [term.exact_gain for term in fitted if not term.group.is_effect]
+    of_family = [term.exact_gain for term in family if not term.group.is_effect]
+    return max(
+        by.least_follower, by.follower_share * max(of_family, default=0.0), by.inexact * max(in_bins, default=0.0)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A candidate and its exact refit.
+
+    Attributes:
+        result: of the candidate.
+        gain: marginal log-likelihood that the refit gains.
+        model: refitted.
+    """
+
+    result: GroupTest
+    gain: float
+    model: FittedModel
+
+    @property
+    def penalty(self) -> float:
+        """Twice the gain expected by chance for this number of parameters: the trace of Takeuchi's criterion (1976)."""
+        return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
+
+    @property
+    def net_gain(self) -> float:
+        """Gain less penalty."""
+        return self.gain - self.penalty
+
+
+def choose(
+    model: FittedModel,
+    evidence: SelectionEvidence,
+    candidates: Sequence[GroupTest],
+    rejected: Collection[str],
+    settings: Settings,
+) -> tuple[FittedModel, GroupTest] | frozenset[str]:
+    """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
+    best = _first(candidates)
+    if best.group.is_shared:
+        term = Term(best.group, best.p_value, best.gain, best.gain)
+        return replace(model, terms=(*model.terms, term)), best
+    same_order = [
+        result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
+    ]
+    results = [result for result in evidence.results if result.group.name not in rejected]
+    shortlist: list[GroupTest] = []
+    for family in FAMILIES[: FAMILIES.index(best.group.family) + 1]:  # an error also shows in later families
+        of_family = [result for result in same_order if result.group.family == family]
+        shortlist += _shortlist(sorted(of_family, key=lambda result: result is not best), settings)
+    shortlist += _later(best, same_order)
+    shortlist += _turned(best, results, shortlist)
+    trials = []
+    for result in shortlist:
+        # Shape parameters of effects start far from their values.
+        steps = settings.descent.steps if result.group.is_effect else _ROUGH_STEPS
+        after, _ = refit_with(
+            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=steps
+        )
+        trials.append(_Trial(result, after.loglik - model.loglik, after))
+    _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
+    trial = _simplest(trials, settings)
+    needed = {one: needed_gain(one.result.group, model, settings) for one in trials}
+    if trial.net_gain < needed[trial]:
+        return frozenset(one.result.group.name for one in trials if one.net_gain < needed[one])
+    result = trial.result
+    after, group = trial.model, result.group
+    if not group.is_effect:
+        after, group = _refined(model, evidence, trial)
+    if after.loglik - model.loglik - trial.penalty < needed_gain(group, model, settings):
+        return frozenset({result.group.name})
+    if group.frequency_hz:
+        after, group = _best_alias(model, evidence, after, group)
+    p_value, gain = result.p_value, after.loglik - model.loglik
+    if p_value > settings.selection.level:
+        rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
+        p_value = p_about_fit(after, group, gain, evidence.dictionary.tested, settings.selection, rng)
+        if p_value > settings.selection.level:
+            return frozenset({result.group.name})
+    alternatives = _rivals(trial, trials)
+    penalty = group.size * max(result.entry.cell.dispersion, 1.0)
+    term = Term(group, p_value, result.gain, gain, penalty, alternatives)
+    return replace(after, terms=(*model.terms, term)), result
+
+
+def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> tuple[FittedModel, Group]:
+    """A dependence fitted to convergence, in its finest bins where these are more likely than those of the trial."""
+    result = trial.result
+    for fine in (True, False):
+        after, group = refit_with(
+            model, evidence.linearisation, result.group, result.entry.coefficients, fine=fine, steps=STEPS
+        )
+        if after.loglik - model.loglik >= trial.gain or group is result.group:
+            break
+    return after, group
+
+
+def _best_alias(
+    model: FittedModel, evidence: SelectionEvidence, best: FittedModel, group: Group
+) -> tuple[FittedModel, Group]:
+    """Choose the most likely of the frequencies that the interval between scans does not separate."""
+    linearisation = evidence.linearisation
+    time_s = np.sort(linearisation.sample.scan_values["time_s"])
+    apart_hz = 1 / max(float(np.median(np.diff(time_s))), 1e-3)
+    for side in (-1, 1):
+        while group.frequency_hz + side * apart_hz > 0:
+            other = line_group(linearisation, group.channel, group.frequency_hz + side * apart_hz)
+            after, other = refit_with(model, linearisation, other, np.zeros(2), fine=True, steps=STEPS)
+            if after.loglik <= best.loglik:
+                break
+            best, group = after, other
+    return best, group
+
+
+def _first(candidates: Sequence[GroupTest]) -> GroupTest:
+    """The candidate of the largest gain of the lowest order.
+
+    A mean goes before a spread of the same family, because a wrong mean looks like spread.
+    """
+    lowest = min(result.group.order for result in candidates)
+    same_order = [result for result in candidates if result.group.order == lowest]
+    best = same_order[0]
+    if best.group.channel not in SPREADS:
+        return best
+    means = [
+        result
+        for result in same_order
+        if result.group.family == best.group.family and result.group.channel not in SPREADS
+    ]
+    return next((result for result in means if result.gain > 0.2 * best.gain), best)
+
+
+def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[GroupTest]:
+    """Groups of one family that may be the same thing as the first one: with much of its gain, each kind once."""
+    if not candidates:
+        return []
+    by, best = settings.selection, candidates[0]  # the best mean, where a spread gains more
+    picked = [result for result in candidates if result.gain >= by.rival_share * best.gain]
+    named = [result for result in candidates if _is_simple_effect(result.group) and result.gain >= 0.3 * best.gain]
+    shortlist = _each_kind_once(picked)[: by.rivals + 1]
+    return _each_kind_once([*shortlist, *named[:3]])
+
+
+def _later(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
+    """The leading effect of each later family.
+
+    The refit of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can
+    fit losses that an effect of the returns explains better.
+    """
+    leading = {}
+    for result in sorted(candidates, key=lambda result: -result.gain):
+        if result.group.is_effect:
+            leading.setdefault(result.group.family, result)
+    return [leading[family] for family in FAMILIES[FAMILIES.index(best.group.family) + 1 :] if family in leading]
+
+
+def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
+    """Hypotheses that turn beams, whatever their linear gain: they are far from linear.
+
+    Beams that are turned far from where they were predicted look like returns of no surface.
+    """
+    if best.group.order or best.group.channel in SPREADS or best.group.family == "intensity":
+        return []
+    turning = [
+        other
+        for other in _each_kind_once(results)
+        if other.group.turns_beams
+        and (other.group.channel in ANGLES or _is_simple_effect(other.group))
+        and other.group.order == 0
+        and other.entry.z > _LEAST_Z
+    ]
+    first: dict[str, list[GroupTest]] = {}
+    for result in turning:
+        first.setdefault("" if result.group.is_effect else result.group.channel, []).append(result)
+    seen = {_kind(result.group) for result in shortlist}
+    return [result for those in first.values() for result in those[:3] if _kind(result.group) not in seen]
+
+
+def _is_simple_effect(group: Group) -> bool:
+    """Whether it is an effect of at most three parameters, such as a rotation; a calibration by laser is not."""
+    return group.is_effect and group.size <= 3
+
+
+def _each_kind_once(results: Sequence[GroupTest]) -> list[GroupTest]:
+    """The first result of each kind."""
+    first: dict[tuple, GroupTest] = {}
+    for result in results:
+        first.setdefault(_kind(result.group), result)
+    return list(first.values())
+
+
+def _kind(group: Group) -> tuple:
+    """Key that is equal for groups of the same hypothesis with other bins or another setting."""
+    return (
+        group.channel,
+        group.effect_name,
+        group.covariates,
+        round(group.frequency_hz, 2),
+        group.name if not group.covariates and not group.is_effect else "",
+    )
+
+
+def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
+    """The candidate that is worth most; a named or simpler one that is worth nearly as much."""
+    by = settings.selection
+    best = max(trials, key=lambda trial: trial.net_gain)
+    named = [
+        trial
+        for trial in trials
+        if trial.result.group.is_effect
+        and trial.result.group.size <= max(best.result.group.size, 2)
+        and trial.gain > (1 - by.named) * best.gain
+        and trial.net_gain > 0
+    ]
+    if named:
+        return max(named, key=lambda trial: trial.gain)
+    near = [
+        trial
+        for trial in trials
+        if trial.net_gain > best.net_gain - max(by.simpler * best.gain, 8.0) and trial.net_gain > 0
+    ]
+    return min(near or [best], key=lambda trial: _complexity(trial.result.group))
+
+
+def _complexity(group: Group) -> int:
+    return group.size + 10 * len(group.covariates) - 5 * group.is_effect
+
+
+def _rivals(chosen: _Trial, trials: Sequence[_Trial]) -> tuple[str, ...]:
+    """Names of the hypotheses that could replace the chosen one: effects first, each once.
+
+    A hypothesis of which the chosen one is a special case is no alternative: their penalised gains have decided.
+    """
+    folds, group = chosen.result.fold_gains, chosen.result.group
+    rivals = [
+        other.result.group
+        for other in trials
+        if other is not chosen
+        and is_rival(chosen.gain, other.gain, folds, other.result.fold_gains)
+        and not group.is_special_case_of(other.result.group)
+    ]
+    own = group.hypothesis
+    names = [group.hypothesis for group in sorted(rivals, key=lambda group: not group.is_effect)]
+    return tuple(dict.fromkeys(name for name in names if name != own))
