@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -41,11 +42,26 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     Positions are shifted by a vector that depends on the object's id: objects of one model have different surfaces.
     Another realisation of the texture (`Shot.texture`) is the same field elsewhere.
     """
-    elsewhere = shot.texture * _BETWEEN_TEXTURES_M
+    if np.array_equal(returns.range_m, shot.hits.solid.range_m[returns.beam]):  # no effect has changed the ranges
+        points = shot.kept("places on surfaces", lambda: _places_by_beam(shot))[returns.beam]
+    else:
+        points = _places(returns, shot)
+    return (points + shot.texture * _BETWEEN_TEXTURES_M).astype(np.float32)
+
+
+def _places_by_beam(shot: Shot) -> np.ndarray:
+    """Places (n, 3) of the solid surfaces that the beams hit; 0 for beams without one."""
+    places = np.zeros((len(shot.rays), 3))
+    places[shot.solids.beam] = _places(shot.solids, shot)
+    return places
+
+
+def _places(returns: Returns, shot: Shot) -> np.ndarray:
+    """Places (m, 3) float64 of returns in the texture of the world, as `points_on_surface`."""
     points = shot.points_in_world(returns)
     rows = np.flatnonzero(returns.instance >= 0)
     if shot.world is None or not len(rows):
-        return (points + elsewhere).astype(np.float32)
+        return points
     instances, row = shot.world.instances, returns.instance[rows]
     on = returns.take(rows)
     time_s = np.broadcast_to(shot.time_s(on), len(rows)).astype(np.float64)
@@ -56,7 +72,7 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     points[rows] = (
         np.einsum("nji,nj->ni", instances.poses[row, :3, :3], arm) + shift_of_instance(instances.ids)[row, None]
     )
-    return (points + elsewhere).astype(np.float32)
+    return points
 
 
 def shift_of_instance(ids: Sequence[str]) -> np.ndarray:
@@ -64,6 +80,7 @@ def shift_of_instance(ids: Sequence[str]) -> np.ndarray:
     return np.array([zlib.crc32(name.encode()) % 4096 for name in ids], float)
 
 
+@lru_cache(maxsize=64)
 def group_members(group: Group, table: MaterialTable) -> np.ndarray:
     """Materials of a group, (k,) bool by row of the table."""
     road, retro = table.column("road"), table.column("retro")

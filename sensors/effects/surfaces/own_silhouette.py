@@ -87,8 +87,10 @@ class OwnSilhouette(EchoEffect):
         """Sum (m,) over the sectors of each return's laser of `share` of azimuths [°] and the sector's number."""
         ring = shot.rays.ring[returns.beam]
         total = np.zeros(len(returns))
-        rows = np.flatnonzero(np.isin(ring, self.rings))
+        rows = np.argsort(ring, kind="stable")
         azimuth = np.degrees(shot.rays.azimuth[returns.beam[rows]])
-        for sector, laser in enumerate(self.rings):
-            total[rows] += np.where(ring[rows] == laser, share(azimuth, sector), 0)
+        first, end = (np.searchsorted(ring[rows], self.rings, side).tolist() for side in ("left", "right"))
+        for sector in range(len(self.rings)):
+            of_laser = slice(first[sector], end[sector])
+            total[rows[of_laser]] += share(azimuth[of_laser], sector)
         return total
