@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.discrepancy.candidates import Unknown
 from cosim.discrepancy.inference.dependence import (
+    SPREADS,
     Dependence,
     apply_changes,
     changes_of,
@@ -350,7 +351,7 @@ class Fitter:
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
-            gain, masks = -np.inf, self._step_masks(state.effects, free)
+            gain, masks = -np.inf, self._step_masks(state, free)
             for damping, fraction in _ATTEMPTS:
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
@@ -358,9 +359,14 @@ class Fitter:
                 if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
                     continue
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
-                terms = _step_dependences(state.dependences, fraction * change_c)
                 candidates = [
-                    self._state(apply_step(state.effects, free, fraction * mask * step), moved, blur, terms, state)
+                    self._state(
+                        apply_step(state.effects, free, fraction * mask[: len(lists)] * step),
+                        moved,
+                        blur,
+                        _step_dependences(state.dependences, fraction * mask[len(lists) :] * change_c),
+                        state,
+                    )
                     for mask in masks
                 ]
                 trial = max(
@@ -464,10 +470,16 @@ class Fitter:
             at += parameter.unknown.rings
         return step
 
-    def _step_masks(self, effects: tuple[Effect, ...], free: Sequence[Free]) -> list[np.ndarray]:
-        """Masks (p,) of the step that are tried: all parameters; on maps made from the scans also all but the noise."""
-        rings = np.array([parameter.unknown.rings for parameter in free], int)
-        others = np.repeat([float(not isinstance(effects[parameter.effect], NoiseEffect)) for parameter in free], rings)
+    def _step_masks(self, state: _State, free: Sequence[Free]) -> list[np.ndarray]:
+        """Masks (p + c,) of the step that are tried: everything; on maps made from the scans also all but the noise.
+
+        There the differences of neighbours, from which steps of the noise are computed, and the residuals, which the
+        surfaces partly absorb, may call for opposite changes of the noise.
+        """
+        is_noise = [isinstance(state.effects[parameter.effect], NoiseEffect) for parameter in free]
+        is_spread = [dependence.channel in SPREADS for dependence in state.dependences]
+        sizes = [*(parameter.unknown.rings for parameter in free), *(one.size for one in state.dependences)]
+        others = np.repeat(1.0 - np.array([*is_noise, *is_spread], float), np.array(sizes, int))
         return [np.ones(len(others)), *([others] if self.sample.of_own_map and not others.all() else [])]
 
     def _min_identified_share(self, free: Sequence[Free]) -> float:
