@@ -47,7 +47,15 @@ from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
-from sensors.effects.base import Effect, LabelEffect
+from sensors.effects.base import (
+    BeamEffect,
+    EchoEffect,
+    Effect,
+    LabelEffect,
+    NoiseEffect,
+    NoiseScaleEffect,
+    PointEffect,
+)
 from sensors.effects.lasers import as_known
 from sensors.sensor_model import SensorModel
 
@@ -105,7 +113,8 @@ def diagnose(
     selected, findings, phases = convert_terms(context, selected)
     selected, findings = drop_insignificant(context, selected, findings)
     diagnosis = conclude(context, selected, (*facts, *findings), phases, exchanged, first, last)
-    if findings and not model.fitter.sample.of_own_map and _is_contradicted(diagnosis):
+    changes_map = selected.fitter.sample.of_own_map and _moves_points(selected, findings)
+    if findings and not changes_map and _is_contradicted(diagnosis):
         context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
         diagnosis = conclude(context, model, facts, (), exchanged, first, first)
     return add_labels(diagnosis, measured)
@@ -114,10 +123,25 @@ def diagnose(
 def _is_contradicted(diagnosis: Diagnosis) -> bool:
     """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
 
-    Not for a map of the drive's own scans: it was made with the initial effects, and only a map made again with the
-    findings can contradict those that move points.
+    A map of the drive's own scans was made with the initial effects: only a map made again with the findings can
+    contradict those that move points.
     """
     return diagnosis.budget.is_raised(diagnosis.settings.at_floor, diagnosis.settings.level)
+
+
+def _moves_points(model: FittedModel, findings: Sequence[_Finding]) -> bool:
+    """Whether any finding changes where points lie."""
+    names = {one.name for one in findings}
+    return any(
+        isinstance(effect, BeamEffect)
+        or (
+            effect.channel == "range"
+            and isinstance(effect, EchoEffect | PointEffect)
+            and not isinstance(effect, NoiseEffect | NoiseScaleEffect)
+        )
+        for effect in model.fitted.effects
+        if effect.name in names
+    )
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
