@@ -284,22 +284,21 @@ class _Scan:
 
     def scores(self, removed: Removed) -> FrameScores:
         """Scores with the random effects of some sources removed."""
-        return scored(
-            self.frame, self.members, self._adjustment(removed), self.wide if removed.uncertain_edges else None
-        )
+        adjustment = self._adjustment(self._moved(removed))
+        return scored(self.frame, self.members, adjustment, self.wide if removed.uncertain_edges else None)
 
     def expected(self, removed: Removed) -> Expectation:
         """Expectation of the beams, adjusted by the random effects of some sources."""
-        expectation, adjustment = self._expectation, self._adjustment(removed)
+        expectation, moved = self._expectation, self._moved(removed)
+        adjustment = self._adjustment(moved)
         if adjustment is None:
             return expectation
-        moved = self.whole.moved(removed.parts)
         return replace(
             expectation,
             range_m=expectation.range_m + adjustment.shift_m,
             intensity=expectation.intensity * adjustment.gain,
-            seen=moved.seen,
-            silent=moved.silent,
+            seen=expectation.seen if moved is None else moved.seen,
+            silent=expectation.silent if moved is None else moved.silent,
         )
 
     @cached_property
@@ -309,12 +308,16 @@ class _Scan:
         predicted = sample.predict_traced(self.effects, self.frame.shot, self._expectation)
         return _Whole.of(self.random, self.estimate, self.number, sample, predicted)
 
-    def _adjustment(self, removed: Removed) -> Adjustment | None:
-        """Changes of the prediction by removed sources, and by the reflectances of a map under the model's effects.
+    def _moved(self, removed: Removed) -> Prediction | None:
+        """Prediction with the random effects of some sources; None without any."""
+        return self.whole.moved(removed.parts) if removed.parts else None
+
+    def _adjustment(self, moved: Prediction | None) -> Adjustment | None:
+        """Changes of the prediction to `moved`, and by the reflectances of a map under the model's effects.
 
         Surfaces of the sample have their own fitted reflectances where those of the map are removed.
         """
-        adjustment = self.whole.adjustment(self.whole.moved(removed.parts)) if removed.parts else None
+        adjustment = None if moved is None else self.whole.adjustment(moved)
         if self.brightness is None:
             return adjustment
         adjustment = Adjustment() if adjustment is None else adjustment

@@ -43,21 +43,21 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     Another realisation of the texture (`Shot.texture`) is the same field elsewhere.
     """
     if np.array_equal(returns.range_m, shot.hits.solid.range_m[returns.beam]):  # no effect has changed the ranges
-        points = shot.kept("places on surfaces", lambda: _places_by_beam(shot))[returns.beam]
+        points = shot.kept("positions on surfaces", lambda: _positions_by_beam(shot))[returns.beam]
     else:
-        points = _places(returns, shot)
+        points = _positions(returns, shot)
     return (points + shot.texture * _BETWEEN_TEXTURES_M).astype(np.float32)
 
 
-def _places_by_beam(shot: Shot) -> np.ndarray:
-    """Places (n, 3) of the solid surfaces that the beams hit; 0 for beams without one."""
-    places = np.zeros((len(shot.rays), 3))
-    places[shot.solids.beam] = _places(shot.solids, shot)
-    return places
+def _positions_by_beam(shot: Shot) -> np.ndarray:
+    """Positions (n, 3) [m] of the solid surfaces that the beams hit; 0 for beams without one."""
+    positions = np.zeros((len(shot.rays), 3))
+    positions[shot.solids.beam] = _positions(shot.solids, shot)
+    return positions
 
 
-def _places(returns: Returns, shot: Shot) -> np.ndarray:
-    """Places (m, 3) float64 of returns in the texture of the world, as `points_on_surface`."""
+def _positions(returns: Returns, shot: Shot) -> np.ndarray:
+    """Positions (m, 3) float64 [m] of returns in the texture of the world, as `points_on_surface`."""
     points = shot.points_in_world(returns)
     rows = np.flatnonzero(returns.instance >= 0)
     if shot.world is None or not len(rows):

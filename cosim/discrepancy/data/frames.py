@@ -72,7 +72,7 @@ class TracedFrame:
 
     @property
     def is_surveyed(self) -> bool:
-        """Whether the twin's silhouettes are accurate: not if it was made from its own points or from boxes."""
+        """Whether the twin has accurate silhouettes and texture: not if it was made from its points or from boxes."""
         return self.map is None and not self.own_axes
 
     def near_uncertain_edges(self, shift_m: float, turn_rad: float) -> np.ndarray:
@@ -171,9 +171,7 @@ class FrameTracer:
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
         edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)
-        has_own_axes = frame.has("twin/trust")
-        shot.is_texture_known = own_map is None and not has_own_axes
-        return TracedFrame(
+        made = TracedFrame(
             name=name,
             place=twin.static or "",
             time_s=twin.time_s,
@@ -187,13 +185,15 @@ class FrameTracer:
             neighbours=self._neighbours,
             border=border,
             seam=seam,
-            own_axes=has_own_axes,
+            own_axes=frame.has("twin/trust"),
             ego=ego,
             instances=instances,
             map=own_map,
             surface=surface,
             settings=self.settings,
         )
+        shot.is_texture_known = made.is_surveyed
+        return made
 
     def trace_all(self, names: Sequence[str], effects: tuple[Effect, ...]) -> list[TracedFrame]:
         """Trace several frames."""

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import sparse, special
 
 from cosim.discrepancy.inference.pose_errors import PoseErrors
-from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix, scaled
+from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix, scaled, side_by_side
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 
 _AXES = 6
@@ -373,7 +373,7 @@ class RandomEffects:
             blocks.append(own)
         widths = [next(iter(own.values())).shape[1] for own in blocks]
         quantities: list[Quantity] = list(dict.fromkeys(name for own in blocks for name in own))
-        return {name: _side_by_side([own.get(name) for own in blocks], widths) for name in quantities}
+        return {name: side_by_side([own.get(name) for own in blocks], widths) for name in quantities}
 
     def update_variances(self, estimate: Estimate, solver: Factored | None) -> Estimate:
         """Update the variances once by MacKay's fixed-point iteration (Neural Comput. 4, 1992): σ² = uᵀu/γ.
@@ -472,17 +472,6 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._designs[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._designs[block.name]
-
-
-def _side_by_side(parts: Sequence[SparseMatrix | None], widths: Sequence[int]) -> SparseMatrix:
-    """Matrices (n, w) next to each other; None for columns of zeros."""
-    there = [(part, first) for part, first in zip(parts, np.cumsum([0, *widths]), strict=False) if part is not None]
-    rows, width = there[0][0].shape[0], sum(widths)
-    if len(there) == 1:
-        part, first = there[0]
-        return sparse.csr_matrix((part.data, part.indices + first, part.indptr), (rows, width))
-    empty = (sparse.csr_matrix((rows, width)) for width in widths)
-    return sparse.hstack([zeros if part is None else part for part, zeros in zip(parts, empty, strict=True)], "csr")
 
 
 def _joined_cells(sample: Sample) -> np.ndarray:

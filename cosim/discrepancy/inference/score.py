@@ -244,6 +244,17 @@ def stacked(columns: Sequence[Column], quantities: Collection[Quantity], rows: i
     return matrices
 
 
+def side_by_side(parts: Sequence[SparseMatrix | None], widths: Sequence[int]) -> SparseMatrix:
+    """Compressed sparse rows (n, w) of matrices next to each other; None for columns of zeros, but not for all."""
+    there = [(part, first) for part, first in zip(parts, np.cumsum([0, *widths]), strict=False) if part is not None]
+    rows, width = there[0][0].shape[0], sum(widths)
+    if len(there) == 1:
+        part, first = there[0]
+        return sparse.csr_matrix((part.data, part.indices + first, part.indptr), (rows, width))
+    pairs = zip(parts, widths, strict=True)
+    return sparse.hstack([sparse.csr_matrix((rows, own)) if part is None else part for part, own in pairs], "csr")
+
+
 def summed_by(cluster: np.ndarray, matrix: SparseMatrix, weight: np.ndarray, clusters: int) -> np.ndarray:
     """Sum the weighted rows of a compressed sparse matrix (n, k) by cluster; return (clusters, k)."""
     rows, columns = _row_indices(matrix), _column_indices(matrix)
