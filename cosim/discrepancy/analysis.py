@@ -13,6 +13,7 @@ from cosim.discrepancy.candidates import candidate_effects
 from cosim.discrepancy.data.checks import undetermined_effects
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split, split_drive, split_frames
+from cosim.discrepancy.forward.reflectances import solve_reflectances
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
@@ -94,6 +95,7 @@ def context_of(
         split = split_frames(tuple(frames), settings=settings.sampling)
     types = candidates_for(drive, model, len(split.fit), settings, extra)
     tracer = FrameTracer(drive, model, settings)
+    solve_reflectances(tracer, (*split.fit, *split.test))
     return Context(model, tracer, split, types, settings, seed, on_progress, tuple(refitted))
 
 

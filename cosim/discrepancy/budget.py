@@ -14,6 +14,7 @@ from scipy import stats
 
 from cosim.discrepancy.analysis import Context, FittedFrames, edge_tolerance, fit_random_effects
 from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.forward.reflectances import intensity_factors
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
@@ -169,7 +170,7 @@ class Aligned:
                 without_map = self._random.without(self._estimate, ("map", "albedo_of_map"))
                 self._estimate = fit_random_effects(on, effects, without_map).estimate
         self._tolerance = edge_tolerance(self._random, self._estimate)
-        self._brightness = _brightness_of_maps(self._frames, in_order(context.initial_effects), self._effects)
+        self._factors = intensity_factors(self._frames, in_order(context.initial_effects), self._effects)
         self._totals: dict[Removed, list[Totals]] = {}
         self._floor: list[dict[str, tuple[float, int]]] = []
         self._last: _Scan | None = None
@@ -254,7 +255,7 @@ class Aligned:
                 random=self._random,
                 estimate=self._estimate,
                 wide=frame.near_uncertain_edges(*self._tolerance) if any(self._tolerance) else None,
-                brightness=self._brightness,
+                factors=None if self._factors is None else self._factors[number],
             )
         return self._last
 
@@ -270,7 +271,7 @@ class _Scan:
         members: ensemble prediction.
         random, estimate: random effects and their estimate.
         wide: (n,) bool ambiguous beams, replaces `frame.edge`.
-        brightness: factors on the reflectances of materials, by row of the table; None for 1.
+        factors: (n,) on intensities, for the reflectances that the model gives; None for 1.
     """
 
     number: int
@@ -280,7 +281,7 @@ class _Scan:
     random: RandomEffects
     estimate: Estimate
     wide: np.ndarray | None
-    brightness: np.ndarray | None
+    factors: np.ndarray | None
 
     def scores(self, removed: Removed) -> FrameScores:
         """Scores with the random effects of some sources removed."""
@@ -313,16 +314,15 @@ class _Scan:
         return self.whole.moved(removed.parts) if removed.parts else None
 
     def _adjustment(self, moved: Prediction | None) -> Adjustment | None:
-        """Changes of the prediction to `moved`, and by the reflectances of a map under the model's effects.
+        """Changes of the prediction to `moved`, and by the reflectances that the model's effects give.
 
-        Surfaces of the sample have their own fitted reflectances where those of the map are removed.
+        Surfaces of the sample have their own fitted reflectances where those errors are removed.
         """
         adjustment = None if moved is None else self.whole.adjustment(moved)
-        if self.brightness is None:
+        if self.factors is None:
             return adjustment
         adjustment = Adjustment() if adjustment is None else adjustment
-        brightness = self.brightness[self.frame.shot.hits.solid.material]
-        return replace(adjustment, gain=np.where(np.equal(adjustment.gain, 1), brightness, adjustment.gain))
+        return replace(adjustment, gain=np.where(np.equal(adjustment.gain, 1), self.factors, adjustment.gain))
 
     @cached_property
     def _expectation(self) -> Expectation:
@@ -356,34 +356,6 @@ class _Whole:
             gain = np.where(self.expected.intensity > 0, moved.intensity / self.expected.intensity, 1.0)
         shift_m = np.nan_to_num(moved.range_m - self.expected.range_m)
         return Adjustment(shift_m, gain, moved.silent - self.expected.silent)
-
-
-def _brightness_of_maps(
-    frames: Sequence[TracedFrame], initial: Sequence[Effect], effects: Sequence[Effect]
-) -> np.ndarray | None:
-    """Factors on the reflectances of a map's materials under other effects, by row of their table.
-
-    The reflectances of a map that was made from the scans are those with which the initial effects give the mean
-    measured intensities. Other effects give the same means with other reflectances.
-
-    Args:
-        frames: traced.
-        initial: effects with which the map was made, in the order in which they act.
-        effects: of the model, in the same order.
-
-    Returns:
-        Factors, or None where no frame is in such a map, or the intensities do not change.
-    """
-    if not any(frame.map for frame in frames) or tuple(initial) == tuple(effects):
-        return None
-    sums = np.zeros((2, len(frames[0].shot.hits.table.names)))
-    for frame in frames:
-        used = np.flatnonzero((frame.surface >= 0) & frame.observed.returned & frame.observed.trusted)
-        material = frame.shot.hits.solid.material[used]
-        for row, model in enumerate((initial, effects)):
-            expected = expect(model, frame.shot, (frame.twin_sigma_m, frame.twin_sigma_intensity))
-            sums[row] += np.bincount(material, expected.intensity[used], sums.shape[1])
-    return np.where((sums > 0).all(0), sums[0] / np.where(sums[1] > 0, sums[1], 1.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

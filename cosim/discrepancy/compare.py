@@ -18,6 +18,7 @@ from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.diagnose import convert_terms, drop_insignificant, select
+from cosim.discrepancy.forward.reflectances import solve_reflectances
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
 from cosim.discrepancy.selection.refit import FittedModel
@@ -291,6 +292,7 @@ def compare(
     tracer = FrameTracer(drive, model, settings)
     effects = in_order(model.effects)
     names = tuple(frames) if frames is not None else drive.frames
+    solve_reflectances(tracer, names)
     exchanged, early = _exclude_exchanged(tracer, names, effects)
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.discrepancy.data.ambiguity import Neighbours, widened
 from cosim.discrepancy.data.map_surfaces import Maps, MapSurfaces
 from cosim.discrepancy.data.observation import Observed, intensity_unit, observe, upwards
+from cosim.discrepancy.data.reflectances import FrameReflectances, Reflectances
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.drives.kitti import Drive, Frame
 from cosim.drives.twin import read_trust
@@ -143,16 +144,24 @@ class FrameTracer:
         self._tracers = TracerCache(sensor.pattern.range_m)
         self._maps = Maps(drive, settings.sampling)
         self._excluded: frozenset[int] = frozenset()
+        self._reflectances: Reflectances | None = None
 
     def exclude_rings(self, rings: Sequence[int]) -> None:
         """Exclude the beams of these rings from comparison in frames traced afterwards."""
         self._excluded = self._excluded | frozenset(rings)
 
+    def use_reflectances(self, reflectances: Reflectances) -> None:
+        """Use these reflectances in frames traced afterwards."""
+        self._reflectances = reflectances
+        self._scenes = TwinScenes(self.drive, table=reflectances.table)
+
     def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
         """Trace one frame with beams deflected by `effects`."""
         frame = self.drive[name]
-        twin = frame.twin
+        twin, known = frame.twin, self._reflectances.by_frame.get(name) if self._reflectances else None
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
+        if known is not None:
+            instances = replace(instances, paint=known.paint)
         world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
         observed = observe(frame, pattern, self._rays, self._unit, self.settings.beams)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
@@ -163,7 +172,7 @@ class FrameTracer:
         surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
         if own_map is None:
             trusted, twin_sigma_m, twin_sigma_intensity = _read_trust(
-                frame, shot, observed, self.settings.beams.grazing
+                frame, shot, observed, self.settings.beams.grazing, known
             )
         else:
             surface, trusted, twin_sigma_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
@@ -201,13 +210,16 @@ class FrameTracer:
 
 
 def _read_trust(
-    frame: Frame, shot: Shot, observed: Observed, grazing: float
+    frame: Frame, shot: Shot, observed: Observed, grazing: float, known: FrameReflectances | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mask (n,) of comparable beams and σ (n,) of ranges [m] and intensities, from `twin/trust` if present."""
     if not frame.has("twin/trust"):
         zeros = np.zeros(len(observed.rays), np.float32)
         return observed.trusted, zeros, zeros
     trust = read_trust(frame.path("twin/trust"))
+    if known is not None:
+        spreads = {"ground_intensity_sd": known.ground_intensity_sd, "body_intensity_sd": known.body_intensity_sd}
+        trust = replace(trust, **spreads)
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
     met, measured = _world_points(shot, observed)

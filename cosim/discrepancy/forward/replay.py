@@ -6,6 +6,7 @@ that an effect is evaluated in milliseconds. Moving objects are moved to the fir
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
@@ -286,6 +287,14 @@ class FrameReplay(Replayed):
         self.measured = measured
         self.egos, self.poses, self.frame = (frame.ego,), (self._world.pose,), np.zeros(len(beams), int)
         self._cache: dict[str, Any] = {}
+
+    def with_reflectances(self, table: MaterialTable | None, paint: np.ndarray | None) -> FrameReplay:
+        """The same beams with other materials, or other reflectances of the paint of the instances (m,)."""
+        changed = copy.copy(self)
+        changed.table = self.table if table is None else table
+        changed.paint = self.paint if paint is None else paint.astype(np.float32)
+        changed._shots = []
+        return changed
 
     @property
     def instances(self) -> Instances:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from assets.materials import MaterialTable
 from assets.mesh import Mesh
 from cosim.drives.kitti.drive import Drive
 from cosim.drives.kitti.frame import Frame
@@ -24,12 +25,13 @@ class TwinScenes:
     Args:
         drive: holds `twin/`.
         threads: threads that share a query of the static world.
+        table: materials; by default those of the drive.
     """
 
-    def __init__(self, drive: Drive, *, threads: int = 1) -> None:
+    def __init__(self, drive: Drive, *, threads: int = 1, table: MaterialTable | None = None) -> None:
         self._drive = drive
         self._threads = threads
-        self._table = twin_materials(drive)
+        self._table = twin_materials(drive) if table is None else table
         self._models: dict[str, TracedModel] = {}
         self._files: tuple[Path, ...] = ()
         self._scene: Scene | None = None
