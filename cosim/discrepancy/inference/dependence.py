@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.discrepancy.inference.likelihood import range_spread_m
+from cosim.discrepancy.inference.likelihood import unshared_spread_m
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, change
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import LikelihoodConstants
@@ -161,8 +161,8 @@ def _bent(range_m: np.ndarray, shift_m: np.ndarray) -> np.ndarray:
 
 
 def _scaled_sigma(expected: Prediction, log_change: np.ndarray, constants: LikelihoodConstants) -> np.ndarray:
-    """The sensor's σ of ranges (n,) [m] such that the whole spread changes by the factor exp(log_change)."""
-    whole = range_spread_m(expected, constants) ** 2
+    """The sensor's σ of ranges (n,) [m] with which the spread between neighbours changes by exp(log_change)."""
+    whole = unshared_spread_m(expected, constants) ** 2
     other = whole - expected.range_sigma_m**2
     variance = whole * np.exp(2 * np.clip(log_change, -_MOST_LOG, _MOST_LOG)) - other
     return np.sqrt(np.maximum(variance, 1e-8))

@@ -14,7 +14,6 @@ import numpy as np
 
 from cosim.discrepancy.candidates import Unknown
 from cosim.discrepancy.inference.dependence import (
-    SPREADS,
     Dependence,
     apply_changes,
     changes_of,
@@ -35,8 +34,9 @@ from cosim.discrepancy.inference.parameters import (
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Column, Evidence, Quantity, dispersion
 from cosim.discrepancy.inference.search import is_searched, search_parameters
+from cosim.discrepancy.inference.surface_spread import updated_surface_spread
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import Effect, NoiseEffect, ScanEffect
+from sensors.effects.base import Effect, ScanEffect
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,7 +351,7 @@ class Fitter:
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
-            gain, masks = -np.inf, self._step_masks(state, free)
+            gain = -np.inf
             for damping, fraction in _ATTEMPTS:
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
@@ -359,19 +359,10 @@ class Fitter:
                 if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
                     continue
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
-                candidates = [
-                    self._state(
-                        apply_step(state.effects, free, fraction * mask[: len(lists)] * step),
-                        moved,
-                        blur,
-                        _step_dependences(state.dependences, fraction * mask[len(lists) :] * change_c),
-                        state,
-                    )
-                    for mask in masks
-                ]
-                trial = max(
-                    (self._optimise_albedo(candidate, blur, state.estimate) for candidate in candidates), key=objective
-                )
+                moved_effects = apply_step(state.effects, free, fraction * step)
+                dependences = _step_dependences(state.dependences, fraction * change_c)
+                candidate = self._state(moved_effects, moved, blur, dependences, state)
+                trial = self._optimise_albedo(candidate, blur, state.estimate)
                 reached = objective(trial)
                 if reached > value:
                     gain, state = reached - value, trial
@@ -383,7 +374,7 @@ class Fitter:
             is_stationary = bool(
                 np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12)
             )
-            state = replace(state, estimate=after)
+            state = self._with_surface_spread(replace(state, estimate=after), blur)
             if (
                 gain < max(self.settings.descent.gain, 1e-7 * abs(value))
                 and (is_stationary or number + 1 >= steps)
@@ -391,6 +382,16 @@ class Fitter:
             ):
                 break
         return state
+
+    def _with_surface_spread(self, state: _State, blur: float) -> _State:
+        """Update the factors on the σ of the twin's surfaces."""
+        if blur:
+            return state
+        factors = updated_surface_spread(self.random, state.residuals, state.estimate)
+        if factors is state.estimate.surface_spread:
+            return state
+        estimate = replace(state.estimate, surface_spread=factors)
+        return replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
 
     def _prior(
         self, model: LinearModel, state: _State, precision: np.ndarray, deviations: np.ndarray
@@ -456,31 +457,21 @@ class Fitter:
         estimate = with_brightness(best)
         return replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
 
+    def is_relative(self, effects: tuple[Effect, ...], parameter: Free) -> bool:
+        """Whether only differences between lasers can be determined: of gains, on maps with unknown reflectances."""
+        is_list, is_gain = parameter.unknown.rings > 1, effects[parameter.effect].channel == "intensity"
+        return is_list and is_gain and self.sample.of_own_map
+
     def _remove_common_gain(self, effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> np.ndarray:
-        """Remove the mean over lasers from a step (p,) of per-laser gains; it is confounded with map reflectance."""
+        """Remove the common factor from a step (p,) of per-laser gains; it is confounded with map reflectance."""
         step, at = step.copy(), 0
         for parameter in free:
             part = step[at : at + parameter.unknown.rings]
-            if (
-                parameter.unknown.rings > 1
-                and self.sample.of_own_map
-                and effects[parameter.effect].channel == "intensity"
-            ):
-                part -= part.mean()
+            if self.is_relative(effects, parameter):
+                gains = np.asarray(getattr(effects[parameter.effect], parameter.unknown.name), float)
+                part -= gains * part.sum() / gains.sum()
             at += parameter.unknown.rings
         return step
-
-    def _step_masks(self, state: _State, free: Sequence[Free]) -> list[np.ndarray]:
-        """Masks (p + c,) of the step that are tried: everything; on maps made from the scans also all but the noise.
-
-        There the differences of neighbours, from which steps of the noise are computed, and the residuals, which the
-        surfaces partly absorb, may call for opposite changes of the noise.
-        """
-        is_noise = [isinstance(state.effects[parameter.effect], NoiseEffect) for parameter in free]
-        is_spread = [dependence.channel in SPREADS for dependence in state.dependences]
-        sizes = [*(parameter.unknown.rings for parameter in free), *(one.size for one in state.dependences)]
-        others = np.repeat(1.0 - np.array([*is_noise, *is_spread], float), np.array(sizes, int))
-        return [np.ones(len(others)), *([others] if self.sample.of_own_map and not others.all() else [])]
 
     def _min_identified_share(self, free: Sequence[Free]) -> float:
         """`min_share` of `LinearModel.step`: above 0 only for per-laser lists on a map made from the scans."""

@@ -89,6 +89,7 @@ class Residuals:
     Attributes:
         range_z, intensity_z, rise_z: residuals in standard deviations; 0 without a measurement.
         range_sigma_m, intensity_sigma: standard deviations that they are divided by.
+        unshared_sigma_m: the part of `range_sigma_m` that neighbouring beams do not have in common.
         intensity_score, intensity_information: score and information of the intensity with respect to its mean, in
             standard deviations (see `Censored`).
         met: probability that the beam hit the surface of its row; 1 away from edges.
@@ -106,6 +107,7 @@ class Residuals:
     intensity_z: np.ndarray
     rise_z: np.ndarray
     range_sigma_m: np.ndarray
+    unshared_sigma_m: np.ndarray
     intensity_sigma: np.ndarray
     intensity_score: np.ndarray
     intensity_information: np.ndarray
@@ -177,6 +179,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         intensity_z,
         rise_z,
         sigma,
+        np.hypot(unshared_spread_m(expected, constants), blur),
         spread,
         score,
         information,
@@ -292,6 +295,11 @@ def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarra
 def range_spread_m(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
     """Standard deviation (n,) [m] of ranges: sensor noise and uncertainty of the twin."""
     return np.sqrt(expected.range_sigma_m**2 + expected.twin_sigma_m**2 + constants.range_floor_m**2)
+
+
+def unshared_spread_m(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
+    """The part (n,) [m] of it that neighbouring beams do not have in common."""
+    return np.sqrt(expected.range_sigma_m**2 + expected.twin_unshared_m**2 + constants.range_floor_m**2)
 
 
 def intensity_spread(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:

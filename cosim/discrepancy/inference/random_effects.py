@@ -9,13 +9,14 @@ from the number of cars.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy import sparse, special
 
+from assets.materials import MOST_MATERIALS
 from cosim.discrepancy.inference.pose_errors import PoseErrors
 from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix, scaled, side_by_side
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -71,10 +72,13 @@ class Estimate:
     Attributes:
         u: (m,) best linear unbiased predictions of the random effects.
         variance: (v,) variance components; 0 for components that are switched off.
+        surface_spread: (2, k) factors on the stated σ of the twin's surfaces, by row of the material table: of all of
+            it, and of the part that neighbouring beams do not have in common.
     """
 
     u: np.ndarray
     variance: np.ndarray
+    surface_spread: np.ndarray = field(default_factory=lambda: np.ones((2, MOST_MATERIALS)))
 
 
 class RandomEffects:
@@ -207,13 +211,13 @@ class RandomEffects:
     def without(self, estimate: Estimate, names: Sequence[str]) -> Estimate:
         """Return an initial estimate with the named kinds of random effects switched off."""
         is_off = np.array([name in names for name, _ in self.components])
-        return Estimate(np.zeros(self.size), np.where(is_off, 0.0, estimate.variance))
+        return replace(estimate, u=np.zeros(self.size), variance=np.where(is_off, 0.0, estimate.variance))
 
     def warm_start(self, other: RandomEffects | None, estimate: Estimate | None) -> Estimate:
         """Return an initial estimate from a fit to another sample of the same drive, or the default one without it."""
         if other is None or estimate is None or other.components != self.components:
             return self.start()
-        return Estimate(self._transfer(other, estimate, 0), estimate.variance)
+        return replace(estimate, u=self._transfer(other, estimate, 0))
 
     def transferred(self, other: RandomEffects, estimate: Estimate, scan: int) -> Estimate:
         """Transfer the random effects from another sample that includes this sample's only scan.
@@ -223,7 +227,7 @@ class RandomEffects:
             scan: row of the scan in the other sample.
         """
         variance = np.where(estimate.variance[: len(self.components)] > 0, 1.0, 0.0)
-        return Estimate(self._transfer(other, estimate, scan), variance)
+        return replace(estimate, u=self._transfer(other, estimate, scan), variance=variance)
 
     def _transfer(self, other: RandomEffects, estimate: Estimate, scan: int) -> np.ndarray:
         """(m,) random effects that the other sample also has, from row `scan` of its scans on; 0 for all others."""
@@ -303,12 +307,24 @@ class RandomEffects:
                 moved = moved + self._designs[block.name] @ part
         share = self.brightness(estimate)
         seen = self._seen(expected, share)
+        spread, unshared = estimate.surface_spread[:, self.sample.material]
         return replace(
             self._brightened(expected, share),
             range_m=expected.range_m + moved,
+            twin_sigma_m=expected.twin_sigma_m * spread,
+            twin_unshared_m=expected.twin_unshared_m * unshared,
             seen=seen,
             silent=np.clip(expected.silent + expected.seen - seen, 0, 1),
         )
+
+    def map_leverage(self, information: np.ndarray, estimate: Estimate) -> np.ndarray:
+        """Leverage (n,) of ranges due to the positions of map surfaces, from the information (n,) of the beams."""
+        block = next((block for block in self.blocks if block.name == "map"), None)
+        if block is None:
+            return np.zeros(len(information))
+        squared = self._designs["map"].power(2)
+        total = squared.T @ information + self.precision(estimate)[self.rows("map")]
+        return information * (squared @ (1 / total))
 
     def brightened(self, expected: Prediction, estimate: Estimate) -> Prediction:
         """Return the prediction with the intensities that the albedos give; all else is unchanged."""
@@ -399,9 +415,8 @@ class RandomEffects:
         variance = np.where(is_pose, np.maximum(variance, self._least), variance)
         variance = np.where(self._is_flat, estimate.variance, variance)
         is_negligible = (variance < self._least) & ~is_pose
-        return Estimate(
-            np.where(is_negligible[self._component_of], 0.0, estimate.u), np.where(is_negligible, 0.0, variance)
-        )
+        u = np.where(is_negligible[self._component_of], 0.0, estimate.u)
+        return replace(estimate, u=u, variance=np.where(is_negligible, 0.0, variance))
 
     def initialise_variances(self, estimate: Estimate, expected: Prediction, evidence: Evidence) -> Estimate:
         """Initialise variances that are 0 although the data show variance, by the method of moments.

@@ -17,8 +17,8 @@ from cosim.discrepancy.inference.likelihood import (
     MEAN_INFORMATION,
     Residuals,
     intensity_spread,
-    range_spread_m,
     student_score,
+    unshared_spread_m,
 )
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import LikelihoodConstants
@@ -58,7 +58,8 @@ class Evidence:
         possible = residuals.seen > 0
         pair = np.maximum(sample.partner, 0)
         paired = weight * residuals.matched * residuals.matched[pair] * (sample.partner >= 0)
-        range_gap = (residuals.range_z - residuals.range_z[pair]) / np.sqrt(2)
+        unshared_z = residuals.range_z * residuals.range_sigma_m / residuals.unshared_sigma_m
+        range_gap = (unshared_z - unshared_z[pair]) / np.sqrt(2)
         intensity_gap = (residuals.intensity_z - residuals.intensity_z[pair]) / np.sqrt(2)
         is_lost = residuals.met * ~sample.returned[sample.own]
         # The outcome is a return of the surface or nothing; other returns say nothing about how often it is lost.
@@ -66,7 +67,7 @@ class Evidence:
         score: dict[Quantity, np.ndarray] = {
             "range": matched * student_score(range_z) / range_sigma,
             "rise": returned * student_score(rise_z) / rise_sigma,
-            "range_variance": paired * _spread_excess(range_gap, constants),
+            "range_variance": paired * spread_excess(range_gap, constants),
             "drop": binary * (silent * residuals.matched - seen * is_lost),
         }
         information: dict[Quantity, np.ndarray] = {
@@ -81,7 +82,7 @@ class Evidence:
             paired_intensity = weight * uncensored * uncensored[pair] * (sample.partner >= 0)
             score["intensity"] = bright * residuals.intensity_score / residuals.intensity_sigma
             information["intensity"] = bright * residuals.intensity_information / residuals.intensity_sigma**2
-            score["intensity_variance"] = paired_intensity * _spread_excess(intensity_gap, constants)
+            score["intensity_variance"] = paired_intensity * spread_excess(intensity_gap, constants)
             information["intensity_variance"] = paired_intensity * _SPREAD_INFORMATION
         return cls(score, information)
 
@@ -106,7 +107,7 @@ def change(before: Prediction, after: Prediction, constants: LikelihoodConstants
         "range": np.where(both, after.range_m - before.range_m, 0.0),
         "rise": np.nan_to_num(after.rise_m - before.rise_m),
         "intensity": after.intensity - before.intensity,
-        "range_variance": np.log(range_spread_m(after, constants) / range_spread_m(before, constants)),
+        "range_variance": np.log(unshared_spread_m(after, constants) / unshared_spread_m(before, constants)),
         "intensity_variance": np.log(intensity_spread(after, constants) / intensity_spread(before, constants)),
         "drop": after.seen - before.seen,
     }
@@ -133,7 +134,7 @@ def dispersion(sample: Sample, residuals: Residuals) -> tuple[float, float]:
     return of(residuals.range_z, sample.share * residuals.matched), of(residuals.rise_z, sample.share * sample.returned)
 
 
-def _spread_excess(gap: np.ndarray, constants: LikelihoodConstants) -> np.ndarray:
+def spread_excess(gap: np.ndarray, constants: LikelihoodConstants) -> np.ndarray:
     """min(gap², cap) − 1: 0 on average if differences of neighbours have the stated σ, above 0 if they scatter more."""
     return np.minimum(gap**2, constants.most_squared) - 1
 

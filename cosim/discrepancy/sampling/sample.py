@@ -31,6 +31,7 @@ class Prediction:
         spurious_per_m: probability density [1/m] of spurious returns at the measured range; 0 without a return.
         split: part of `spurious_per_m` that comes from other parts of the beam's own footprint.
         twin_sigma_m, twin_sigma_intensity: σ of the twin itself, in addition to that of the sensor.
+        twin_unshared_m: the part of `twin_sigma_m` that neighbouring beams do not have in common.
         spurious_share: share of beams with spurious returns according to fitted dependences.
         spurious: their density [1/m] at the measured range, times the share.
         log_odds_by_reflectance: computes the derivative (n,) of the log-odds of `seen` with respect to the relative
@@ -49,6 +50,7 @@ class Prediction:
     split: np.ndarray
     twin_sigma_m: np.ndarray
     twin_sigma_intensity: np.ndarray
+    twin_unshared_m: np.ndarray
     log_odds_by_reflectance: Callable[[], np.ndarray]
     spurious_share: np.ndarray | float = 0.0
     spurious: np.ndarray | float = 0.0
@@ -242,6 +244,7 @@ class Sample:
             split=expected.split,
             twin_sigma_m=self.twin_sigma_m,
             twin_sigma_intensity=self.twin_sigma_intensity,
+            twin_unshared_m=self.twin_sigma_m,
             log_odds_by_reflectance=expected.log_odds_by_reflectance,
         )
 
