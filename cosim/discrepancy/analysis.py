@@ -58,6 +58,15 @@ class Context:
         """Effects of the sensor as given, in the order in which they act."""
         return with_rings(in_order(self.sensor.effects), self.sensor.pattern.rings)
 
+    def bending(self, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+        """Effects with which beams are traced to find out which surfaces they hit.
+
+        Surfaces of a map that was made from the scans are where the initial effects put their points: there these
+        effects tell which surface a point belongs to, whatever the true beams are.
+        """
+        is_own_map = has_surfels(self.tracer.drive.root)
+        return bending(in_order(self.initial_effects if is_own_map else effects))
+
 
 @dataclass(frozen=True, eq=False)
 class FittedFrames:
@@ -139,13 +148,13 @@ def trace_and_fit(
     if warm_start is not None:
         frames, fitter, start = warm_start.frames, warm_start.fitter, warm_start.fitted.estimate
     else:
-        frames = tuple(context.tracer.trace_all(names, bending(effects)) if traced is None else traced)
+        frames = tuple(context.tracer.trace_all(names, context.bending(effects)) if traced is None else traced)
     random = None if fitter is None else fitter.random
     tolerance = None if random is None or start is None else edge_tolerance(random, start)
     for number in range(settings.descent.rounds + 1):
         is_last = number == settings.descent.rounds
         if fitter is not None and not is_last and _is_far(fitter, effects):
-            frames, fitter = tuple(context.tracer.trace_all(names, bending(effects))), None
+            frames, fitter = tuple(context.tracer.trace_all(names, context.bending(effects))), None
         if fitter is None:
             sample = draw_sample(frames, rows, np.random.default_rng([context.seed, rows]))
             if tolerance is None:
@@ -195,5 +204,7 @@ def is_accurate(fitter: Fitter, effects: Sequence[Effect]) -> bool:
 
 
 def _is_far(fitter: Fitter, effects: Sequence[Effect]) -> bool:
+    if fitter.sample.of_own_map:  # see `Context.bending`
+        return False
     turned, shifted = fitter.sample.moved(effects)
     return turned > fitter.settings.descent.turned_rad or shifted > fitter.settings.descent.shifted_m

@@ -155,7 +155,7 @@ class Aligned:
         self._effects = in_order(effects)
         self._origin = context.sensor.origin
         bent = bending(self._effects)
-        same = bent == bending(on.fitted.effects)
+        same = bent == context.bending(on.fitted.effects)
         similar = next((other for other in others if bending(other._effects) == bent), None)
         if similar is not None:
             self._frames = similar._frames
@@ -348,7 +348,7 @@ class _Whole:
     def moved(self, parts: Sequence[str]) -> Prediction:
         """Prediction with the random effects of some sources applied."""
         u = np.where(self.random.of_part(parts), self.estimate.u, 0.0)
-        return self.random.adjusted(self.expected, Estimate(u, self.estimate.variance))
+        return self.random.adjusted(self.expected, replace(self.estimate, u=u))
 
     def adjustment(self, moved: Prediction) -> Adjustment:
         """Changes of the prediction by random effects: to `moved`, see the method of this name."""

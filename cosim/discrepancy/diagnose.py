@@ -274,7 +274,6 @@ def drop_insignificant(
         if one.unknown is None
         and one.interval is None
         and _is_unchanged(model, one.name, ci95.get(one.name, {}), initial)
-        and not _needs_list(model, one.name, context.settings)
     }
     if not idle:
         return model, tuple(findings)
@@ -288,15 +287,6 @@ def drop_insignificant(
     free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
     fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
     return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
-
-
-def _needs_list(model: FittedModel, name: str, settings: Settings) -> bool:
-    """Whether an effect has a list with a value a laser without which the model is less likely than by chance."""
-    kind = next(type(effect) for effect in model.fitted.effects if effect.name == name)
-    if not any(parameter.per_ring for parameter in kind.parameters()):
-        return False
-    least = settings.selection.least_follower
-    return any(term.group.effect_name == name and term.exact_gain > term.penalty + least for term in model.terms)
 
 
 def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: Sequence[Effect]) -> bool:

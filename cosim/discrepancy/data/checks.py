@@ -119,7 +119,7 @@ def fit_notes(
         )
         notes.append(
             "returns from anything that is not in the map (traffic, leaves, fog) are skipped: "
-            f"{', '.join(_NOT_MAPPED)} are not observable in this drive"
+            f"{', '.join(_NOT_MAPPED)} and other spurious returns are not observable in this drive"
         )
     if fitted < settings.fewest_scans:
         count = "one frame is" if fitted == 1 else f"{fitted} frames are"

@@ -105,7 +105,8 @@ def linearise(fitter: Fitter, fitted: Fitted, frames: tuple[TracedFrame, ...]) -
     if sample.has_intensity:
         _score_intensity_variance(sample, residuals, adjusted, score, information)
     bent = any(dependence.channel in ANGLES for dependence in fitted.dependences)
-    _score_spurious(sample, adjusted, residuals.outcome, frames, bent, score, information)
+    if not sample.of_own_map:  # returns from what is not in the map look like spurious ones
+        _score_spurious(sample, adjusted, residuals.outcome, frames, bent, score, information)
     evidence = Evidence(score, information)
     mixed = LinearModel.of(random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
     return Linearisation(fitter, fitted, frames, adjusted, evidence, _channels(sample, adjusted), mixed)
@@ -127,8 +128,9 @@ def _channels(sample: Sample, adjusted: Prediction) -> dict[str, LinearisedChann
         *(LinearisedChannel(name, "range", angles[name]) for name in ANGLES),
         LinearisedChannel("drop", "drop", seen_derivative(sample, adjusted)),
         LinearisedChannel("range_variance", "range_variance", ones),
-        *(LinearisedChannel(name, name, ones, one_sided=True) for name in SPURIOUS),
     ]
+    if not sample.of_own_map:
+        channels += [LinearisedChannel(name, name, ones, one_sided=True) for name in SPURIOUS]
     if sample.has_intensity:
         channels += [
             LinearisedChannel("intensity", "intensity", adjusted.intensity),

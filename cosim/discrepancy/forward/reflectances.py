@@ -29,7 +29,7 @@ _LEAST, _MOST = 0.01, 1.0  # reflectances
 _LEAST_MEAN = 1e-3  # intensity; a mean of 0 has no logarithm
 _SLOPES = (0.2, 2.0)  # d log(mean intensity) / d log(reflectance): compression to steep detectors
 _SMALL_STEP = 1e-4  # change of log(reflectance) from which no slope is computed
-_BEAMS = 500  # of each surface and frame
+_BEAMS = 1000  # of each surface and frame
 _FEWEST_BEAMS = 20  # surfaces with fewer keep their reflectance
 
 
@@ -132,7 +132,9 @@ class _Surfaces:
         replays, chosen_numbers, measured = [], [], []
         for frame, number in zip(frames, numbers, strict=True):
             observed = frame.observed
-            is_used = observed.returned & observed.trusted & ~frame.edge & np.isfinite(observed.intensity)
+            is_used = observed.returned & observed.trusted & np.isfinite(observed.intensity)
+            if frame.map is None:  # surfaces of maps have edges everywhere
+                is_used &= ~frame.edge
             rows = _evenly_chosen(np.where(is_used, number, -1), _BEAMS)
             replays.append(FrameReplay(frame, rows))
             chosen_numbers.append(number[rows])

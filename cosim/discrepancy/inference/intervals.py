@@ -22,6 +22,8 @@ from cosim.discrepancy.inference.score import Column, ridged, stacked
 from cosim.discrepancy.inference.search import interval_widening, likelihood_interval
 from cosim.discrepancy.settings import DEFAULT, Settings
 
+_REWEIGHTINGS = 5
+
 
 @dataclass(frozen=True)
 class BootstrapInterval:
@@ -133,8 +135,31 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
 def half_widths(fitter: Fitter, fitted: Fitted) -> np.ndarray:
     """Half widths (p,) of 95 % intervals: Student-t with (scans − 1) degrees of freedom."""
     freedom = max(len(fitter.sample.names) - 1, 1)
-    widest = np.max([np.diag(covariance) for covariance in covariances(fitter, fitted)], axis=0)
+    widest = np.max([_variances(covariance, fitter, fitted) for covariance in covariances(fitter, fitted)], axis=0)
     return np.sqrt(np.maximum(widest, 0)) * stats.t.ppf(fitter.settings.upper, freedom)
+
+
+def _variances(covariance: np.ndarray, fitter: Fitter, fitted: Fitted) -> np.ndarray:
+    """Variances (p,) of parameters; of gains relative to their mean where only these can be determined."""
+    variances, at = np.diag(covariance).copy(), 0
+    for one in fitted.free:
+        part = slice(at, at + one.unknown.rings)
+        if fitter.is_relative(fitted.effects, one):
+            gains = np.asarray(getattr(fitted.effects[one.effect], one.unknown.name), float)
+            variances[part] = _relative_variances(covariance[part, part], gains)
+        at += one.unknown.rings
+    return variances
+
+
+def _relative_variances(covariance: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Variances (k,) of gains relative to their mean, in which well determined gains have large weights."""
+    weight = np.ones(len(gains))
+    variances = np.diag(covariance)
+    for _ in range(_REWEIGHTINGS):
+        relative = np.eye(len(gains)) - np.outer(gains, weight) / float(gains @ weight)
+        variances = np.diag(relative @ covariance @ relative.T)
+        weight = 1 / np.maximum(variances, 1e-12)
+    return variances
 
 
 def _free_parameters(fitter: Fitter, fitted: Fitted) -> Iterator[tuple[Free, Column, np.ndarray]]:
