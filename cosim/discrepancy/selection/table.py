@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class Entry:
         is_count: whether score and information count events.
         event: (k,) weight of one event of counts, else 1.
         unit: of the coefficients, in the channel's unit: the reference share for counts, else 1.
+        implied: (k,) squares of the scores that independent beams have; empty: the information.
     """
 
     group: Group
@@ -54,6 +55,7 @@ class Entry:
     is_count: bool
     event: np.ndarray
     unit: float = 1.0
+    implied: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def expected_events(self) -> tuple[np.ndarray, ...]:
@@ -233,9 +235,15 @@ def _project(
             event = _event_weight(linearisation, group)
             variance = np.maximum(variance, diagonal * event)
         cell = Cell(distribution, information, group.one_sided, 1.0, gains)
+        implied = np.zeros(0)
+        if set(group.columns) == {"drop"}:  # losses that were not expected have another variance than the information
+            implied = group.columns["drop"].power(2).T @ linearisation.evidence.score["drop"] ** 2
         entries.append(
-            Entry(group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit)
-        )
+            Entry(
+                group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit,
+                implied,
+            )
+        )  # fmt: skip
     return entries
 
 
@@ -294,13 +302,24 @@ def _event_weight(linearisation: Linearisation, group: Group) -> np.ndarray:
 
 
 def _tail_by_channel(entries: Sequence[Entry]) -> dict[str, float]:
-    """By channel, how much the squared scores of a typical column exceed what the weights of the beams imply."""
+    """By channel, how much the squared scores of a typical column exceed what the weights of the beams imply.
+
+    The scores are those about the column's own step: otherwise a strong effect would count as scatter between clusters.
+    """
     ratios: dict[str, list[np.ndarray]] = {}
     for entry in entries:
-        scatter = np.maximum(*((table**2).sum(0) for table in entry.tables))
-        implied = np.diag(entry.information)
+        scatter = np.maximum(*map(_scatter, entry.tables, entry.cluster_information))
+        implied = entry.implied if len(entry.implied) else np.diag(entry.information)
         ratios.setdefault(entry.group.channel, []).append(scatter / np.maximum(implied, 1e-300))
     return {channel: max(float(np.median(np.concatenate(values))), 0.3) for channel, values in ratios.items()}
+
+
+def _scatter(table: np.ndarray, information: np.ndarray) -> np.ndarray:
+    """Sum (k,) of the squared scores (clusters, k) about their weighted mean, for clusters with information."""
+    share = information / np.maximum(information.sum(0), 1e-300)
+    count = np.count_nonzero(information > 0, axis=0)
+    about_mean = ((table - share * table.sum(0)) ** 2).sum(0)
+    return about_mean * count / np.maximum(count - 1, 1)
 
 
 def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import sparse
 
+from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.selection.confirm import _about_others
+from cosim.discrepancy.selection.evidence import gather_evidence
+from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.returns import ReturnCounts
+from cosim.discrepancy.settings import DEFAULT
+from sensors.effects.detection.random_dropout import RandomDropout
+from sensors.effects.points.range_noise import RangeNoise
+from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 FOLDS = 8
 
@@ -71,3 +81,13 @@ def test_damping_shortens_the_step_along_the_direction_that_two_parameters_share
     assert np.abs(plain).max() > 100
     assert np.abs(damped).max() < 1
     assert damped @ gradient > 0, "the likelihood rises along the step"
+
+
+def test_losses_everywhere_are_no_scatter_between_clusters(tmp_path: Path) -> None:
+    known = {"effect": "range_noise", "sigma_m": 0.01}
+    effects = (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), RandomDropout(probability=0.1))
+    on = fit_yard(make_yard(tmp_path, effects, known=(known,), frames=8))
+    groups = effect_groups(linearise(on.fitter, on.fitted, on.frames), [RandomDropout], (), ())
+    evidence = gather_evidence(FittedModel(on.frames, on.fitter, on.fitted), groups, DEFAULT, 0)
+    dropout = next(result for result in evidence.results if result.group.effect_name == "random_dropout")
+    assert dropout.gain > 1000, "ten per cent of many thousand beams are lost"
