@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -77,7 +75,7 @@ def test_only_spread_that_the_sensor_lacks_is_attributed_to_the_twin(drive: Driv
     road = _on(plain, -1)
     expected = NOISE * np.sqrt(0.3 * ROAD)
     assert plain.twin_sigma_intensity[road] == pytest.approx(expected, rel=0.1)
-    assert noisy.twin_sigma_intensity[road].max() < 0.3 * expected
+    assert noisy.twin_sigma_intensity[road].max() < 0.5 * expected
 
 
 def test_other_effects_give_the_same_mean_intensities_with_other_reflectances(drive: Drive) -> None:
