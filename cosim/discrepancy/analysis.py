@@ -61,8 +61,8 @@ class Context:
     def bending(self, effects: Sequence[Effect]) -> tuple[Effect, ...]:
         """Effects with which beams are traced to find out which surfaces they hit.
 
-        Surfaces of a map that was made from the scans are where the initial effects put their points: there these
-        effects tell which surface a point belongs to, whatever the true beams are.
+        Surfaces of a map that was made from the scans are where the initial effects put their points: each point
+        belongs to the surface that they give, whatever the true beams are.
         """
         is_own_map = has_surfels(self.tracer.drive.root)
         return bending(in_order(self.initial_effects if is_own_map else effects))

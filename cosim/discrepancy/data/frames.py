@@ -158,10 +158,10 @@ class FrameTracer:
     def trace(self, name: str, effects: tuple[Effect, ...]) -> TracedFrame:
         """Trace one frame with beams deflected by `effects`."""
         frame = self.drive[name]
-        twin, known = frame.twin, self._reflectances.by_frame.get(name) if self._reflectances else None
+        twin, solved = frame.twin, self._reflectances.by_frame.get(name) if self._reflectances else None
         instances, ego, pattern = scene_instances(twin.instances), ego_motion(twin), self.sensor.pattern
-        if known is not None:
-            instances = replace(instances, paint=known.paint)
+        if solved is not None:
+            instances = replace(instances, paint=solved.paint)
         world = World(self._scenes.of(frame), lidar_pose(twin), instances, ego, pattern.range_m, self._tracers)
         observed = observe(frame, pattern, self._rays, self._unit, self.settings.beams)
         before = Shot(pattern, observed.rays, world=world, frame_time_s=twin.time_s)
@@ -172,7 +172,7 @@ class FrameTracer:
         surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
         if own_map is None:
             trusted, twin_sigma_m, twin_sigma_intensity = _read_trust(
-                frame, shot, observed, self.settings.beams.grazing, known
+                frame, shot, observed, self.settings.beams.grazing, solved
             )
         else:
             surface, trusted, twin_sigma_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
@@ -210,15 +210,15 @@ class FrameTracer:
 
 
 def _read_trust(
-    frame: Frame, shot: Shot, observed: Observed, grazing: float, known: FrameReflectances | None
+    frame: Frame, shot: Shot, observed: Observed, grazing: float, solved: FrameReflectances | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mask (n,) of comparable beams and σ (n,) of ranges [m] and intensities, from `twin/trust` if present."""
     if not frame.has("twin/trust"):
         zeros = np.zeros(len(observed.rays), np.float32)
         return observed.trusted, zeros, zeros
     trust = read_trust(frame.path("twin/trust"))
-    if known is not None:
-        spreads = {"ground_intensity_sd": known.ground_intensity_sd, "body_intensity_sd": known.body_intensity_sd}
+    if solved is not None:
+        spreads = {"ground_intensity_sd": solved.ground_intensity_sd, "body_intensity_sd": solved.body_intensity_sd}
         trust = replace(trust, **spreads)
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced

@@ -3,8 +3,8 @@
 A twin made from labels contains the mean measured intensity of the ground and of each object as their reflectance. A
 sensor changes intensities by range, incidence and laser, compresses them and loses weak returns, so that the predicted
 mean differs from the measured one. The reflectances are therefore unknowns, solved for by the secant method on the
-logarithms, for each surface. The spread of measured intensities that the sensor does not predict is texture that the
-twin lacks.
+logarithms, for each surface. The spread of measured intensities that the sensor does not predict is texture that is not in
+the twin.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def intensity_factors(
 def _reflectances_of(frame: TracedFrame, effects: Sequence[Effect]) -> FrameReflectances:
     ground, objects = _Surfaces.of_world([frame]), _Surfaces.of_objects(frame)
     paint = objects.solved(effects)
-    ground_sd = ground.excess_spread(effects, ground.values)[ground.is_known]
+    ground_sd = ground.excess_spread(effects, ground.values)[ground.has_returns]
     return FrameReflectances(
         paint.astype(np.float32),
         float(ground_sd.max(initial=0.0)),
@@ -142,7 +142,7 @@ class _Surfaces:
         return cls(replays, np.concatenate(chosen_numbers), np.concatenate(measured), values, is_world)
 
     @property
-    def is_known(self) -> np.ndarray:
+    def has_returns(self) -> np.ndarray:
         """(s,) bool surfaces with enough returns."""
         return np.bincount(self.number, minlength=len(self.values)) >= _FEWEST_BEAMS
 
@@ -158,7 +158,7 @@ class _Surfaces:
                 slope = np.where(has_moved, np.clip(gained / np.where(has_moved, moved, 1.0), *_SLOPES), slope)
             last = level, reached
             level = np.clip(level + (target - reached) / slope, np.log(_LEAST), np.log(_MOST))
-        return np.where(self.is_known, np.exp(level), self.values)
+        return np.where(self.has_returns, np.exp(level), self.values)
 
     def excess_spread(self, effects: Sequence[Effect], values: np.ndarray) -> np.ndarray:
         """Standard deviation (s,) of intensities beyond that of the effects at these reflectances (s,)."""
@@ -169,7 +169,7 @@ class _Surfaces:
     def factors(self, initial: Sequence[Effect], effects: Sequence[Effect]) -> np.ndarray:
         """Ratio (s,) of the mean intensities that two models predict; 1 without enough returns."""
         before, after = (self._means(self._predicted(model, self.values)[0]) for model in (initial, effects))
-        is_lit = self.is_known & (before > _LEAST_MEAN) & (after > _LEAST_MEAN)
+        is_lit = self.has_returns & (before > _LEAST_MEAN) & (after > _LEAST_MEAN)
         return np.where(is_lit, before / np.where(is_lit, after, 1.0), 1.0)
 
     def table(self, values: np.ndarray) -> MaterialTable:
@@ -177,7 +177,7 @@ class _Surfaces:
         table = self.replays[0].table
         return table.updated(
             replace(table.materials[table.names[row]], reflectance=float(values[row]))
-            for row in np.flatnonzero(self.is_known)
+            for row in np.flatnonzero(self.has_returns)
         )
 
     def _predicted(self, effects: Sequence[Effect], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -204,8 +204,8 @@ class _Surfaces:
 def _world_numbers(frame: TracedFrame) -> np.ndarray:
     """(n,) int row of the material of the static world that each beam hits; −1 for none, or no surface of the map."""
     solid = frame.shot.hits.solid
-    is_known = solid.instance == STATIC if frame.map is None else frame.surface >= 0
-    return np.where(is_known, solid.material.astype(int), -1)
+    is_surface = solid.instance == STATIC if frame.map is None else frame.surface >= 0
+    return np.where(is_surface, solid.material.astype(int), -1)
 
 
 def _object_numbers(frame: TracedFrame) -> np.ndarray:
