@@ -3,8 +3,8 @@
 A twin made from labels contains the mean measured intensity of the ground and of each object as their reflectance. A
 sensor changes intensities by range, incidence and laser, compresses them and loses weak returns, so that the predicted
 mean differs from the measured one. The reflectances are therefore unknowns, solved for by the secant method on the
-logarithms, for each surface. The spread of measured intensities that the sensor does not predict is texture that is not in
-the twin.
+logarithms, for each surface. The spread of measured intensities that the sensor does not predict is texture that is not
+in the twin.
 """
 
 from __future__ import annotations
