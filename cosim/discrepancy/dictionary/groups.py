@@ -83,6 +83,8 @@ class Group:
             return False
         own = sparse.vstack([self.columns[quantity] for quantity in self.columns])
         wider = sparse.vstack([other.columns[quantity] for quantity in self.columns])
+        if wider.shape[0] != own.shape[0]:  # of different samples
+            return False
         moment = (wider.T @ own).toarray()
         explained = (moment * np.linalg.lstsq((wider.T @ wider).toarray(), moment, rcond=None)[0]).sum(0)
         return bool((explained > (1 - _NEGLIGIBLE) * own.power(2).sum(0)).all())

@@ -128,9 +128,14 @@ def drop_superfluous(
     rejected: set[str],
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> FittedModel:
-    """The model without the terms that the latest one has made superfluous; their names go to `rejected`."""
+    """The model without the terms that the latest one has made superfluous; their names go to `rejected`.
+
+    An effect that is a special case of the latest term is kept: the bins of that term contain it, and describe what
+    differs from it (principle of marginality: Nelder, J. R. Stat. Soc. A 140, 1977).
+    """
+    latest = model.terms[-1].group
     for term in [term for term in model.terms[:-1] if not term.group.is_shared]:
-        if term.group.channel in SPREADS:
+        if term.group.channel in SPREADS or (term.group.is_effect and term.group.is_special_case_of(latest)):
             continue
         less = refit_without(model, term, initial, STEPS)
         loss = model.loglik - less.loglik

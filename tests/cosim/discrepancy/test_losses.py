@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import sparse
 
+from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.dictionary.effects import effect_groups
-from cosim.discrepancy.dictionary.linearisation import linearise
+from cosim.discrepancy.dictionary.groups import Group, binned_group
+from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.selection.confirm import _about_others
 from cosim.discrepancy.selection.evidence import gather_evidence
-from cosim.discrepancy.selection.refit import FittedModel
+from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
 from cosim.discrepancy.selection.returns import ReturnCounts
+from cosim.discrepancy.selection.search import drop_superfluous
 from cosim.discrepancy.settings import DEFAULT
 from sensors.effects.detection.random_dropout import RandomDropout
 from sensors.effects.points.range_noise import RangeNoise
@@ -83,11 +86,35 @@ def test_damping_shortens_the_step_along_the_direction_that_two_parameters_share
     assert damped @ gradient > 0, "the likelihood rises along the step"
 
 
-def test_losses_everywhere_are_no_scatter_between_clusters(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory: pytest.TempPathFactory) -> tuple[FittedModel, Linearisation, Group]:
+    """A yard where a tenth of all returns is lost, without this effect; its linearisation; the effect."""
     known = {"effect": "range_noise", "sigma_m": 0.01}
     effects = (RangeNoise(sigma_m=0.01, sigma_per_m=0.0), RandomDropout(probability=0.1))
-    on = fit_yard(make_yard(tmp_path, effects, known=(known,), frames=8))
-    groups = effect_groups(linearise(on.fitter, on.fitted, on.frames), [RandomDropout], (), ())
-    evidence = gather_evidence(FittedModel(on.frames, on.fitter, on.fitted), groups, DEFAULT, 0)
-    dropout = next(result for result in evidence.results if result.group.effect_name == "random_dropout")
-    assert dropout.gain > 1000, "ten per cent of many thousand beams are lost"
+    on = fit_yard(make_yard(tmp_path_factory.mktemp("lossy"), effects, known=(known,), frames=8))
+    linearisation = linearise(on.fitter, on.fitted, on.frames)
+    groups = effect_groups(linearisation, [RandomDropout], (), ())
+    dropout = next(group for group in groups if group.effect_name == "random_dropout")
+    return FittedModel(on.frames, on.fitter, on.fitted), linearisation, dropout
+
+
+def test_losses_everywhere_are_no_scatter_between_clusters(
+    lossy: tuple[FittedModel, Linearisation, Group],
+) -> None:
+    model, _, dropout = lossy
+    evidence = gather_evidence(model, [dropout], DEFAULT, 0)
+    result = next(result for result in evidence.results if result.group.effect_name == "random_dropout")
+    assert result.gain > 1000, "ten per cent of many thousand beams are lost"
+
+
+def test_an_effect_is_kept_next_to_bins_that_contain_it(lossy: tuple[FittedModel, Linearisation, Group]) -> None:
+    model, linearisation, dropout = lossy
+    with_effect, _ = refit_with(model, linearisation, dropout, np.array([0.1]), fine=False, steps=10)
+    covariates = sample_covariates(model.fitter.sample, model.fitted.prediction, model.frames)
+    material = next(one for one in covariates if one.name == "material")
+    bins = binned_group(linearisation, "drop", material, 1)
+    assert bins is not None
+    both, _ = refit_with(with_effect, linearisation, bins, np.zeros(bins.size), fine=False, steps=10)
+    terms = tuple(Term(group, 0.001, 10.0, 10.0) for group in (dropout, bins))
+    kept = drop_superfluous(replace(both, terms=terms), (), DEFAULT, set())
+    assert [term.group.name for term in kept.terms] == [dropout.name, bins.name]
