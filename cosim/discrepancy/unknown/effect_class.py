@@ -124,6 +124,8 @@ def bounds(name: str, value: float) -> dict[str, float]:
     """Return the bounds of a parameter, `ge` and `le`, where it has any."""
     if name == "power":
         return {"ge": -MOST_POWER, "le": MOST_POWER}
+    if name == "wave" and value > 0:  # a curve does not determine waves that are much longer or shorter
+        return {"ge": float(f"{value / 2:.3g}"), "le": float(f"{value * 2:.3g}")}
     return {"ge": float(f"{min(1e-6, value / 100):.1g}")} if name in POSITIVE and value > 0 else {}
 
 

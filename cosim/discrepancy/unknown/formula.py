@@ -16,6 +16,8 @@ from scipy import optimize
 from cosim.discrepancy.unknown.families import FAMILIES, MOST_POWER, Family, Parameters
 from sensors.effects.covariates import wrapped
 
+_MOST_LEVEL = 5.0  # largest level relative to the curve; larger ones and the amplitude cancel each other
+
 
 @dataclass(frozen=True)
 class FormulaGrid:
@@ -209,6 +211,13 @@ def _residual(shapes: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled
     return weight @ y**2 - np.divide((shapes @ (weight * y)) ** 2, size, out=np.zeros_like(size), where=size > 1e-300)
 
 
+def _level(shape: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
+    """Best level next to the best amplitude of a shape (b,)."""
+    share, y = weight / weight.sum(), np.where(weight > 0, y, 0.0)
+    centred = shape - share @ shape
+    return float(share @ y - (share * centred) @ y / max(float(share @ centred**2), 1e-300) * (share @ shape))
+
+
 def _coefficients(
     family: Family, parameters: Parameters, x: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled: bool
 ) -> Parameters:
@@ -228,6 +237,7 @@ def _refined(
     start = np.array([values[name] for name in family.free])
     is_levelled = "level" in values
     size = np.maximum(np.abs(start), 1e-3 * max(float(np.ptp(x)), 1e-12))
+    largest = float(np.max(np.abs(y[weight > 0]), initial=0.0))
 
     def moved(parts: np.ndarray) -> Parameters:
         shape = {name: value for name, value in values.items() if name != "level"}
@@ -239,7 +249,10 @@ def _refined(
         if is_imitation or any(shape[name] <= 0 for name in ("width", "length") if name in shape):
             return np.inf
         with np.errstate(all="ignore"):
-            left = _residual(family.function(x, **shape)[None], y, weight, is_levelled)[0]
+            curve = family.function(x, **shape)
+            if is_levelled and abs(_level(curve, y, weight)) > _MOST_LEVEL * largest:
+                return np.inf
+            left = _residual(curve[None], y, weight, is_levelled)[0]
         return float(np.nan_to_num(left, nan=np.inf))
 
     least, best = rest(np.zeros(len(start))), np.zeros(len(start))

@@ -11,7 +11,7 @@ import pytest
 from cosim.cli.main import main
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
-from cosim.discrepancy.unknown.effect_class import effect_of
+from cosim.discrepancy.unknown.effect_class import bounds, effect_of
 from cosim.discrepancy.unknown.families import FAMILIES
 from cosim.discrepancy.unknown.formula import best_formula
 from cosim.discrepancy.unknown.source import effect_source
@@ -203,3 +203,13 @@ def test_a_settling_error_late_in_a_drive_is_a_decay_not_a_huge_power() -> None:
     formula = best_formula(time_s, settling, np.full(len(time_s), 0.002))
     assert formula.family == "decay"
     assert formula.values["length"] == pytest.approx(3.4, rel=0.15)
+
+
+def test_a_bend_is_no_small_part_of_a_long_wave() -> None:
+    """A quadratic curve fits a sine of any long period, with amplitudes as large as one likes."""
+    x = np.linspace(-25.0, 15.0, 32)
+    found = best_formula(x, 3e-6 * x**2, np.full(32, 1e-5))
+    assert abs(found.values.get("level", 0.0)) < 0.01
+    assert found.r2 > 0.9
+    limits = bounds("wave", 0.1)
+    assert limits["ge"] == pytest.approx(0.05) and limits["le"] == pytest.approx(0.2)
