@@ -59,10 +59,8 @@ class ResidualTracer:
     def _tracer(self) -> FrameTracer:
         from cosim.discrepancy.data.checks import check_fit, opened
         from cosim.discrepancy.data.frames import FrameTracer
-        from cosim.discrepancy.forward.reflectances import solve_reflectances
 
         tracer = FrameTracer(opened(self._drive), self._sensor)
-        solve_reflectances(tracer, self._drive.frames)
         check_fit(tracer.trace(self._drive.frames[0], self._bending), self._drive)
         return tracer
 
