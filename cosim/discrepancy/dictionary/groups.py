@@ -81,8 +81,8 @@ class Group:
         """Whether another group has more columns, of which linear combinations are the columns of this one."""
         if other.size <= self.size or not self.columns or not self.columns.keys() <= other.columns.keys():
             return False
-        own = sparse.vstack([self.columns[quantity] for quantity in self.columns])
-        wider = sparse.vstack([other.columns[quantity] for quantity in self.columns])
+        own: SparseMatrix = sparse.vstack([self.columns[quantity] for quantity in self.columns])
+        wider: SparseMatrix = sparse.vstack([other.columns[quantity] for quantity in self.columns])
         if wider.shape[0] != own.shape[0]:  # of different samples
             return False
         moment = (wider.T @ own).toarray()
