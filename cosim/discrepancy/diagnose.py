@@ -47,15 +47,7 @@ from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
-from sensors.effects.base import (
-    BeamEffect,
-    EchoEffect,
-    Effect,
-    LabelEffect,
-    NoiseEffect,
-    NoiseScaleEffect,
-    PointEffect,
-)
+from sensors.effects.base import BeamEffect, Effect, LabelEffect
 from sensors.effects.lasers import as_known
 from sensors.sensor_model import SensorModel
 
@@ -131,17 +123,9 @@ def _is_contradicted(diagnosis: Diagnosis) -> bool:
 
 def _moves_points(model: FittedModel, findings: Sequence[_Finding]) -> bool:
     """Whether any finding changes where points lie."""
-    names = {one.name for one in findings}
-    return any(
-        isinstance(effect, BeamEffect)
-        or (
-            effect.channel == "range"
-            and isinstance(effect, EchoEffect | PointEffect)
-            and not isinstance(effect, NoiseEffect | NoiseScaleEffect)
-        )
-        for effect in model.fitted.effects
-        if effect.name in names
-    )
+    found = {one.name for one in findings}
+    moving = (effect for effect in model.fitted.effects if isinstance(effect, BeamEffect) or effect.channel == "range")
+    return any(effect.name in found for effect in moving)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
@@ -262,9 +246,7 @@ def drop_insignificant(
 ) -> tuple[FittedModel, tuple[_Finding, ...]]:
     """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
 
-    No change is the neutral value of an added effect, and the given value of an effect that the sensor has. Lists with
-    a value a laser are kept where the likelihood needs them: if a common factor is undetermined, as on a map of the own
-    scans, all their intervals are wide although their differences are certain.
+    No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
     """
     initial = context.initial_effects
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
