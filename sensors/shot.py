@@ -16,6 +16,7 @@ from sensors.normals import dot_with_normals
 from sensors.pattern import Pattern
 from sensors.rays import Rays
 from sensors.returns import Returns
+from sensors.scene import Instances
 from sensors.world import Traced, World
 
 _T = TypeVar("_T")
@@ -142,6 +143,11 @@ class Shot:
         )
 
     @property
+    def instances(self) -> Instances | None:
+        """Objects of the world; None without one."""
+        return None if self.world is None else self.world.instances
+
+    @property
     def lidar_pose(self) -> np.ndarray:
         """(4, 4) nominal world pose of the LiDAR at the pose time."""
         return self.hits.pose if self.world is None else self.world.pose
@@ -205,7 +211,7 @@ class Shot:
 
     def named(self, what: str, returns: Returns) -> np.ndarray:
         """(m,) str: `kinds` or `models` of what returns come from; empty for the static world, and without a world."""
-        names = ("",) if self.world is None else (*getattr(self.world.instances, what), "")
+        names = ("",) if self.instances is None else (*getattr(self.instances, what), "")
         return np.array(names)[np.where(returns.instance >= 0, returns.instance, -1)]
 
     def per_return(self, returns: Returns, draw: np.ndarray) -> np.ndarray:

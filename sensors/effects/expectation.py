@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
-from sensors.effects.acting import check_returns
-from sensors.effects.base import (
-    EchoEffect,
-    Effect,
-    NoiseEffect,
-    NoiseScaleEffect,
-    PointEffect,
-    RoundingEffect,
-    ScanEffect,
-)
+from sensors.effects.base import Effect
 from sensors.effects.blame import blamed, check_values
-from sensors.effects.phases import CLIP_BEFORE
-from sensors.effects.rounding import rounded
-from sensors.returns import Returns
+from sensors.effects.expected_state import ExpectedState
 from sensors.shot import Shot
 
-_DRAWS = 8
 _LEAST_WEIGHT = 1e-9
 _TEXTURES = 4  # realisations over which an unknown texture is averaged
 
@@ -51,11 +40,54 @@ class Expectation:
     elsewhere: np.ndarray
 
 
+class ExpectationMemo:
+    """Expectations of one shot after each effect of its latest models, so that later models resume where they differ.
+
+    A fit compares models that differ in one effect at a time. Arrays that an effect does not change are shared.
+    """
+
+    def __init__(self) -> None:
+        self._chains: dict[tuple[int, float], list[_Chain]] = {}
+
+    def resumed(self, effects: Sequence[Effect], texture: int, reflectance_factor: float) -> _Chain | None:
+        """The chain with the most effects in common from the first on, shortened to these; None without any."""
+        chains = self._chains.get((texture, reflectance_factor), [])
+        best = max(chains, key=lambda chain: chain.common(effects), default=None)
+        if best is None:
+            return None
+        chains.remove(best)
+        chains.append(best)
+        return best.first(best.common(effects))
+
+    def keep(self, chain: _Chain, texture: int, reflectance_factor: float) -> None:
+        """Keep a chain for later models, and with it only the latest of the others."""
+        chains = self._chains.setdefault((texture, reflectance_factor), [])
+        chains[:] = [*chains[-1:], chain]
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """Effects (k) and the states before the first and after each of them (k + 1)."""
+
+    effects: tuple[Effect, ...]
+    states: tuple[ExpectedState, ...]
+
+    def common(self, effects: Sequence[Effect]) -> int:
+        """Number of effects that both have in common, from the first on."""
+        pairs = zip(self.effects, effects, strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1] or pair[0] == pair[1], pairs))
+
+    def first(self, count: int) -> _Chain:
+        """The first effects and their states."""
+        return _Chain(self.effects[:count], self.states[: count + 1])
+
+
 def expect(
     effects: Sequence[Effect],
     shot: Shot,
     twin_sigmas: tuple[np.ndarray, np.ndarray] | None = None,
     reflectance_factor: float = 1.0,
+    memo: ExpectationMemo | None = None,
 ) -> Expectation:
     """Expectation of a traced shot under effects in the order in which they act.
 
@@ -68,11 +100,13 @@ def expect(
         twin_sigmas: (n,) each, standard deviations of the twin's ranges [m] and reflectances: rounding acts on the true
             values, not on those of the twin. The standard deviations of the expectation are only those of the sensor.
         reflectance_factor: of all solid surfaces, at most 1.
+        memo: of the same shot and the same `twin_sigmas`.
     """
+    twin_variance = np.zeros((2, len(shot.rays))) if twin_sigmas is None else np.square(np.stack(twin_sigmas))
     if shot.is_texture_known or not any(effect.has_texture for effect in effects):
-        return _expect(effects, shot, twin_sigmas, reflectance_factor)
+        return _expect(effects, shot, twin_variance, reflectance_factor, memo)
     shots = [shot.with_texture(number) for number in range(1, _TEXTURES + 1)]
-    mixed = _mixture([_expect(effects, one, twin_sigmas, reflectance_factor) for one in shots])
+    mixed = _mixture([_expect(effects, one, twin_variance, reflectance_factor, memo) for one in shots])
     shot.noiseless = shots[0].noiseless
     return mixed
 
@@ -106,94 +140,33 @@ def _mixture(parts: Sequence[Expectation]) -> Expectation:
 def _expect(
     effects: Sequence[Effect],
     shot: Shot,
-    twin_sigmas: tuple[np.ndarray, np.ndarray] | None,
+    twin_variance: np.ndarray,
     reflectance_factor: float,
+    memo: ExpectationMemo | None,
 ) -> Expectation:
-    """Expectation of a traced shot for one texture; arguments as of `expect`."""
-    beams = len(shot.rays)
-    returns, shot.noiseless = shot.solids, None
-    if reflectance_factor != 1:
-        factor = np.float32(reflectance_factor)
-        returns = replace(returns, intensity=returns.intensity * factor, reflectance=returns.reflectance * factor)
-    seen, elsewhere, silent = np.ones(beams), np.zeros(beams), None
-    range_variance, intensity_variance = np.zeros(beams), np.zeros(beams)
-    noise = np.zeros((2, beams))  # the part of the variances that noise effects added
-    of_twin = (np.zeros(beams),) * 2 if twin_sigmas is None else tuple(map(np.square, twin_sigmas))
-    clips = list(CLIP_BEFORE)
-    for effect in effects:
-        while clips and effect.phase >= clips[0]:
-            clips.pop(0)
-            returns = replace(returns, intensity=returns.intensity.clip(0, 1))
-        if shot.noiseless is None and isinstance(effect, NoiseEffect | NoiseScaleEffect | ScanEffect):
-            shot.noiseless = returns
-        if isinstance(effect, EchoEffect):
-            returns, chance = _answer(effect, returns, shot)
-            first = returns.return_no == 0
-            if not first.all():
-                returns, chance = returns.take(first), chance[first]
-            with blamed(effect, ""):
-                others = effect.elsewhere(shot)
-            check_values(effect, "elsewhere", others, beams, 0.0)
-            if np.any(others):
-                elsewhere += seen * others
-            else:  # what is not detected of a surface is not detected of others either
-                elsewhere[returns.beam] *= chance
-            seen[returns.beam] *= chance
-        elif isinstance(effect, NoiseEffect):
-            before = np.stack([range_variance, intensity_variance])
-            with blamed(effect, ""):
-                of_range, of_intensity = effect.spread(returns, shot)
-            for values in (of_range, of_intensity):
-                check_values(effect, "spread", values, len(returns), 0.0)
-            range_variance[returns.beam] += np.square(of_range)
-            intensity_variance[returns.beam] += np.square(of_intensity)
-            noise += np.stack([range_variance, intensity_variance]) - before
-        elif isinstance(effect, NoiseScaleEffect):
-            with blamed(effect, ""):
-                factors = effect.factors(returns, shot)
-            for row, (variance, factor) in enumerate(zip((range_variance, intensity_variance), factors, strict=True)):
-                check_values(effect, "factors", factor, len(returns), 0.0)
-                change = noise[row, returns.beam] * (np.square(factor) - 1)
-                variance[returns.beam] += change
-                noise[row, returns.beam] += change
-        elif isinstance(effect, RoundingEffect):
-            beam = returns.beam
-            extra_range, extra_intensity = (variance[beam] for variance in of_twin)
-            true_range, true_intensity = range_variance[beam] + extra_range, intensity_variance[beam] + extra_intensity
-            returns, spread = rounded(returns, effect, np.sqrt(true_range), np.sqrt(true_intensity))
-            range_variance[beam] = np.maximum(spread[0] - extra_range, 0)
-            intensity_variance[beam] = np.maximum(spread[1] - extra_intensity, 0)
-        elif isinstance(effect, PointEffect):
-            returns, spread = _mean_and_spread(effect, returns, shot)
-            range_variance[returns.beam] += spread[0]
-            intensity_variance[returns.beam] += spread[1]
-        elif isinstance(effect, ScanEffect):
-            silent = _silent(seen, returns, elsewhere) if silent is None else silent
-            with blamed(effect, ""):
-                kept = effect.survival(returns, shot)
-            check_values(effect, "survival", kept, len(returns), 0.0)
-            if type(effect).density is Effect.density:  # takes returns away and puts nothing in their place
-                silent[returns.beam] += (seen + elsewhere)[returns.beam] * (1 - kept)
-            else:
-                with blamed(effect, ""):
-                    quiet = effect.silence(shot)
-                check_values(effect, "silence", quiet, beams, 0.0)
-                silent *= quiet
-            seen[returns.beam] *= kept
-            elsewhere[returns.beam] *= kept
-    silent = _silent(seen, returns, elsewhere) if silent is None else silent
-    seen = _answering(seen, returns)
+    """Expectation of a traced shot for one texture; `twin_variance` as of `ExpectedState.after`, the rest as above."""
+    chain = None if memo is None else memo.resumed(effects, shot.texture, reflectance_factor)
+    states = [ExpectedState.of(shot, reflectance_factor)] if chain is None else list(chain.states)
+    for effect in effects[len(states) - 1 :]:
+        states.append(states[-1].after(effect, shot, twin_variance))
+        if memo is None:
+            del states[:-1]
+    if memo is not None:
+        memo.keep(_Chain(tuple(effects), tuple(states)), shot.texture, reflectance_factor)
+    state, beams = states[-1], len(shot.rays)
+    shot.noiseless, returns = state.noiseless, state.returns
     mean_range, mean_intensity = np.full(beams, np.nan), np.zeros(beams)
     mean_range[returns.beam] = returns.range_m
     mean_intensity[returns.beam] = returns.intensity.clip(0, 1)
+    range_sigma_m, intensity_sigma = np.sqrt(state.variance)
     return Expectation(
         range_m=mean_range,
-        range_sigma_m=np.sqrt(range_variance),
+        range_sigma_m=range_sigma_m,
         intensity=mean_intensity,
-        intensity_sigma=np.sqrt(intensity_variance),
-        seen=seen,
-        silent=silent,
-        elsewhere=elsewhere,
+        intensity_sigma=intensity_sigma,
+        seen=state.answering(),
+        silent=state.silence(),
+        elsewhere=state.elsewhere,
     )
 
 
@@ -207,44 +180,3 @@ def spurious_density(effect: Effect, beam: np.ndarray, range_m: np.ndarray, shot
         density = effect.density(beam, range_m, shot)
     check_values(effect, "density", density, len(beam), 0.0)
     return density
-
-
-def _answer(effect: EchoEffect, returns: Returns, shot: Shot) -> tuple[Returns, np.ndarray]:
-    """Returns after an echo effect, and the probability (m,) of each."""
-    with blamed(effect, ""):
-        changed, chance = effect.expected(returns, shot)
-    if effect.source:
-        check_returns(effect, returns, changed, shot, "")
-    check_values(effect, "kept", chance, len(changed), 0.0)
-    return changed, chance
-
-
-def _silent(seen: np.ndarray, returns: Returns, elsewhere: np.ndarray) -> np.ndarray:
-    """Chances (n,) that neither the surface nor another one is reported."""
-    return np.maximum(1 - _answering(seen, returns) - elsewhere, 0)
-
-
-def _answering(seen: np.ndarray, returns: Returns) -> np.ndarray:
-    """Chances (n,) of a return; 0 of beams that have none."""
-    found = np.zeros(len(seen))
-    found[returns.beam] = seen[returns.beam]
-    return found
-
-
-def _mean_and_spread(
-    effect: PointEffect, returns: Returns, shot: Shot
-) -> tuple[Returns, tuple[np.ndarray | float, np.ndarray | float]]:
-    """Returns after a point effect, and the variances it brings; some draw random numbers."""
-    rng = np.random.default_rng(0)
-    before = rng.bit_generator.state
-    with blamed(effect, ""):
-        changed = effect.apply(returns, shot, rng)
-    if effect.source:
-        check_returns(effect, returns, changed, shot, "")
-    if rng.bit_generator.state == before:  # it draws no random numbers
-        return changed, (0.0, 0.0)
-    draws = [effect.apply(returns, shot, np.random.default_rng(seed)) for seed in range(1, _DRAWS)]
-    ranges = np.stack([changed.range_m, *(draw.range_m for draw in draws)])
-    intensities = np.stack([changed.intensity, *(draw.intensity for draw in draws)])
-    mean = replace(changed, range_m=ranges.mean(0), intensity=intensities.mean(0))
-    return mean, (ranges.var(0, ddof=1), intensities.var(0, ddof=1))

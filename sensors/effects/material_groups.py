@@ -60,9 +60,9 @@ def _positions(returns: Returns, shot: Shot) -> np.ndarray:
     """Positions (m, 3) float64 [m] of returns in the texture of the world, as `points_on_surface`."""
     points = shot.points_in_world(returns)
     rows = np.flatnonzero(returns.instance >= 0)
-    if shot.world is None or not len(rows):
+    instances, row = shot.instances, returns.instance[rows]
+    if instances is None or not len(rows):
         return points
-    instances, row = shot.world.instances, returns.instance[rows]
     on = returns.take(rows)
     time_s = np.broadcast_to(shot.time_s(on), len(rows)).astype(np.float64)
     arm = points[rows] - instances.poses[row, :3, 3] - instances.velocity_mps[row] * time_s[:, None]

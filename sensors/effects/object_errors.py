@@ -41,16 +41,16 @@ class _ObjectError(PointEffect):
 
     def shift_m(self, returns: Returns, shot: Shot) -> np.ndarray:
         """Return the change of range (m,) at amplitude 1; 0 away from objects."""
-        found, world = np.zeros(len(returns)), shot.world
+        found, instances = np.zeros(len(returns)), shot.instances
         rows = np.flatnonzero(returns.instance >= 0)
-        if world is None or not len(rows):
+        if instances is None or not len(rows):
             return found
-        on, instance = returns.take(rows), returns.instance[rows]
-        changes = np.array([self.changes_m.get(kind, (0.0, 0.0, 0.0)) for kind in world.instances.kinds])[instance]
-        axes = world.instances.poses[instance, :3, :3]
-        moved = world.instances.velocity_mps[instance] * shot.time_s(on)[:, None]
-        arm = shot.points_in_world(on) - moved - world.instances.poses[instance, :3, 3]
-        within = np.einsum("nji,nj->ni", axes, arm) / np.maximum(world.instances.sizes[instance], 0.1)
+        on, row = returns.take(rows), returns.instance[rows]
+        changes = np.array([self.changes_m.get(kind, (0.0, 0.0, 0.0)) for kind in instances.kinds])[row]
+        axes = instances.poses[row, :3, :3]
+        moved = instances.velocity_mps[row] * shot.time_s(on)[:, None]
+        arm = shot.points_in_world(on) - moved - instances.poses[row, :3, 3]
+        within = np.einsum("nji,nj->ni", axes, arm) / np.maximum(instances.sizes[row], 0.1)
         displaced = np.einsum("nij,nj->ni", axes, self._displacement(changes, within))
         normal = decode_normals(on.normal_code).astype(float)
         slope = np.einsum("ij,ij->i", normal, shot.direction_in_world(on).astype(float))

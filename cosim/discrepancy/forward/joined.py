@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,10 +12,11 @@ import numpy as np
 from cosim.discrepancy.forward.replay import Expected, FrameReplay, Replayed
 from sensors.beams import Beams
 from sensors.effects.base import Effect
+from sensors.effects.expectation import ExpectationMemo
 from sensors.errors import SensorError
 from sensors.hits import Hits, Surface
 from sensors.rays import Rays
-from sensors.returns import Returns
+from sensors.scene import Instances
 from sensors.shot import Shot
 from sensors.world import Traced
 
@@ -102,12 +103,11 @@ class _Together(Replayed):
         self.egos = [frame.egos[0] for frame in frames]
         self.poses = [frame.poses[0] for frame in frames]
 
-    def shot(self, effects: Sequence[Effect]) -> Shot:
-        """Return the hits of the beams as deflected by the beam effects among `effects`."""
-        shot = super().shot(effects)
+    def _shot_and_memo(self, effects: Sequence[Effect]) -> tuple[Shot, ExpectationMemo]:
+        shot, memo = super()._shot_and_memo(effects)
         assert isinstance(shot, _JoinedShot)
         shot.effects = tuple(effects)
-        return shot
+        return shot, memo
 
     def _nominal_shot(self) -> Shot:
         return _JoinedShot(self._frames, self.nominal, self.measured)
@@ -146,6 +146,7 @@ class _JoinedShot(Shot):
     ) -> None:
         self.pattern, self.rays, self.traced, self.measured = frames[0].pattern, rays, traced, measured
         self._kept, self._cache, self._frames = {}, {}, frames
+        self.is_texture_known = all(frame.is_texture_known for frame in frames)
 
     @property
     def is_part(self) -> bool:
@@ -164,10 +165,10 @@ class _JoinedShot(Shot):
             here.rays, here.pose, solid, here.pane_beam[:0], here.pane.take(here.pane_beam[:0]), here.paint, here.table
         )
 
-    def named(self, what: str, returns: Returns) -> np.ndarray:
-        """Names of the instances that gave the returns, see `Shot.named`."""
-        names = np.array([*(name for frame in self._frames for name in getattr(frame.instances, what)), ""])
-        return names[np.where(returns.instance >= 0, returns.instance, -1)]
+    @cached_property
+    def instances(self) -> Instances:
+        """Objects of all frames, one after another; their poses are in world axes."""
+        return reduce(Instances.and_then, (frame.instances for frame in self._frames))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):

@@ -22,7 +22,7 @@ from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams
 from sensors.effects.base import BeamEffect, EchoEffect, Effect, ScanEffect
 from sensors.effects.beams.ring_elevation import RingElevation
-from sensors.effects.expectation import Expectation, expect, spurious_density
+from sensors.effects.expectation import Expectation, ExpectationMemo, expect, spurious_density
 from sensors.hits import NOTHING, Hits, Surface
 from sensors.motion import EgoMotion, yaw_matrices
 from sensors.pattern import Pattern
@@ -159,16 +159,22 @@ class Replayed:
     frame: np.ndarray
 
     def __init__(self) -> None:
-        self._shots: list[tuple[tuple[Effect, ...], Shot]] = []
+        self._shots: list[tuple[tuple[Effect, ...], Shot, ExpectationMemo]] = []
         self._calibrated: tuple[tuple[Effect, ...], np.ndarray] | None = None
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
         """Predict the beams from effects, given in the order in which they act."""
-        shot = self.shot(effects)
-        return self.complete(effects, shot, expect(effects, shot, self.twin_sigmas))
+        shot, memo = self._shot_and_memo(effects)
+        return self.complete(effects, shot, expect(effects, shot, self.twin_sigmas, memo=memo), memo)
 
-    def complete(self, effects: tuple[Effect, ...], shot: Shot, expectation: Expectation) -> Expected:
-        """Add optical centres and spurious returns to the expectation of a shot."""
+    def complete(
+        self,
+        effects: tuple[Effect, ...],
+        shot: Shot,
+        expectation: Expectation,
+        memo: ExpectationMemo | None = None,
+    ) -> Expected:
+        """Add optical centres and spurious returns to the expectation of a shot; `memo` as of `expect`."""
         lasers = self._calibrated_directions(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
@@ -189,17 +195,21 @@ class Replayed:
 
         @cache
         def log_odds_by_reflectance() -> np.ndarray:
-            return _log_odds_by_reflectance(effects, shot, expectation, self.twin_sigmas)
+            return _log_odds_by_reflectance(effects, shot, expectation, self.twin_sigmas, memo)
 
         return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """Return the hits of the beams as deflected by the beam effects among `effects`."""
+        return self._shot_and_memo(effects)[0]
+
+    def _shot_and_memo(self, effects: Sequence[Effect]) -> tuple[Shot, ExpectationMemo]:
+        """Shot as deflected by the beam effects among `effects`, and the memo of its expectations."""
         beam_effects = tuple(effect for effect in effects if isinstance(effect, BeamEffect))
-        cached = next((shot for key, shot in self._shots if key == beam_effects), None)
+        cached = next(((shot, memo) for key, shot, memo in self._shots if key == beam_effects), None)
         if cached is None:
-            cached = self._deflected_shot(beam_effects)
-            self._shots = [*self._shots, (beam_effects, cached)][-self.ways :]
+            cached = self._deflected_shot(beam_effects), ExpectationMemo()
+            self._shots = [*self._shots, (beam_effects, *cached)][-self.ways :]
         return cached
 
     def _calibrated_directions(self, effects: Sequence[Effect]) -> np.ndarray | None:
@@ -302,6 +312,11 @@ class FrameReplay(Replayed):
         return self._world.instances
 
     @property
+    def is_texture_known(self) -> bool:
+        """Whether the texture of the frame's surfaces is known, see `Shot`."""
+        return self._shot.is_texture_known
+
+    @property
     def pattern(self) -> Pattern:
         """Pattern of the beams."""
         return self._shot.pattern
@@ -388,14 +403,18 @@ def _centres(rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _log_odds_by_reflectance(
-    effects: tuple[Effect, ...], shot: Shot, expectation: Expectation, twin_sigmas: tuple[np.ndarray, np.ndarray]
+    effects: tuple[Effect, ...],
+    shot: Shot,
+    expectation: Expectation,
+    twin_sigmas: tuple[np.ndarray, np.ndarray],
+    memo: ExpectationMemo | None,
 ) -> np.ndarray:
     """Derivative (n,) of the log-odds of a return with respect to the relative reflectance, by a finite difference."""
     slope = np.zeros(len(expectation.seen))
     if not any(isinstance(effect, EchoEffect) for effect in effects):
         return slope
     noiseless = shot.noiseless
-    darker = expect(effects, shot, twin_sigmas, reflectance_factor=1 - _REFLECTANCE_STEP).seen
+    darker = expect(effects, shot, twin_sigmas, 1 - _REFLECTANCE_STEP, memo).seen
     shot.noiseless = noiseless
     least = np.minimum(expectation.seen, darker), 1 - np.maximum(expectation.seen, darker)
     rows = np.flatnonzero(np.minimum(*least) > _LEAST_CHANCE)
