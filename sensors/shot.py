@@ -20,7 +20,7 @@ from sensors.scene import Instances
 from sensors.world import Traced, World
 
 _T = TypeVar("_T")
-_KEPT = 4
+_KEPT = 8
 
 
 class Shot:

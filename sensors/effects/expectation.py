@@ -151,7 +151,7 @@ def _expect(
         states.append(states[-1].after(effect, shot, twin_variance))
         if memo is None:
             del states[:-1]
-    if memo is not None:
+    if memo is not None and (chain is None or len(chain.effects) < len(effects)):
         memo.keep(_Chain(tuple(effects), tuple(states)), shot.texture, reflectance_factor)
     state, beams = states[-1], len(shot.rays)
     shot.noiseless, returns = state.noiseless, state.returns

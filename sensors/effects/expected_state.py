@@ -86,7 +86,9 @@ class ExpectedState:
 
 
 def _scaled(values: np.ndarray, beam: np.ndarray, factor: np.ndarray | float) -> np.ndarray:
-    """Copy of `values` (n,), those of `beam` (m,) multiplied by a factor (m,)."""
+    """Values (n,), those of `beam` (m,) multiplied by a factor (m,); the same array where nothing changes."""
+    if not values.any() or np.all(np.equal(factor, 1)):
+        return values
     changed = values.copy()
     changed[beam] *= factor
     return changed

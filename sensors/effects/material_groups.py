@@ -42,18 +42,19 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     Positions are shifted by a vector that depends on the object's id: objects of one model have different surfaces.
     Another realisation of the texture (`Shot.texture`) is the same field elsewhere.
     """
+    shift_m = shot.texture * _BETWEEN_TEXTURES_M
     if np.array_equal(returns.range_m, shot.hits.solid.range_m[returns.beam]):  # no effect has changed the ranges
-        points = shot.kept("positions on surfaces", lambda: _positions_by_beam(shot))[returns.beam]
-    else:
-        points = _positions(returns, shot)
-    return (points + shot.texture * _BETWEEN_TEXTURES_M).astype(np.float32)
+        places = shot.kept(f"places of texture {shot.texture}", lambda: _places_by_beam(shot, shift_m))
+        return places.take(returns.beam, axis=0)
+    return (_positions(returns, shot) + shift_m).astype(np.float32)
 
 
-def _positions_by_beam(shot: Shot) -> np.ndarray:
-    """Positions (n, 3) [m] of the solid surfaces that the beams hit; 0 for beams without one."""
-    positions = np.zeros((len(shot.rays), 3))
-    positions[shot.solids.beam] = _positions(shot.solids, shot)
-    return positions
+def _places_by_beam(shot: Shot, shift_m: np.ndarray) -> np.ndarray:
+    """Places (n, 3) float32 [m] of the solid surfaces that the beams hit; 0 for beams without one."""
+    places = np.zeros((len(shot.rays), 3), np.float32)
+    positions = shot.kept("positions on surfaces", lambda: _positions(shot.solids, shot))
+    places[shot.solids.beam] = positions + shift_m
+    return places
 
 
 def _positions(returns: Returns, shot: Shot) -> np.ndarray:

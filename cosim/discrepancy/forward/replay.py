@@ -160,21 +160,27 @@ class Replayed:
 
     def __init__(self) -> None:
         self._shots: list[tuple[tuple[Effect, ...], Shot, ExpectationMemo]] = []
+        self._slopes: list[tuple[tuple[Effect, ...], np.ndarray]] = []
         self._calibrated: tuple[tuple[Effect, ...], np.ndarray] | None = None
 
     def expect(self, effects: tuple[Effect, ...]) -> Expected:
         """Predict the beams from effects, given in the order in which they act."""
         shot, memo = self._shot_and_memo(effects)
-        return self.complete(effects, shot, expect(effects, shot, self.twin_sigmas, memo=memo), memo)
+        expectation = expect(effects, shot, self.twin_sigmas, memo=memo)
+        return self._complete(effects, shot, expectation, lambda: self._log_odds_by_reflectance(effects, shot, memo))
 
-    def complete(
+    def complete(self, effects: tuple[Effect, ...], shot: Shot, expectation: Expectation) -> Expected:
+        """Add optical centres and spurious returns to the expectation of a shot."""
+        slope = cache(lambda: _log_odds_by_reflectance(effects, shot, self.twin_sigmas, None))
+        return self._complete(effects, shot, expectation, slope)
+
+    def _complete(
         self,
         effects: tuple[Effect, ...],
         shot: Shot,
         expectation: Expectation,
-        memo: ExpectationMemo | None = None,
+        log_odds_by_reflectance: Callable[[], np.ndarray],
     ) -> Expected:
-        """Add optical centres and spurious returns to the expectation of a shot; `memo` as of `expect`."""
         lasers = self._calibrated_directions(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
@@ -192,12 +198,16 @@ class Replayed:
                 density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
                 spurious_per_m[rows] += density
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
-
-        @cache
-        def log_odds_by_reflectance() -> np.ndarray:
-            return _log_odds_by_reflectance(effects, shot, expectation, self.twin_sigmas, memo)
-
         return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
+
+    def _log_odds_by_reflectance(self, effects: tuple[Effect, ...], shot: Shot, memo: ExpectationMemo) -> np.ndarray:
+        """As `Expected.log_odds_by_reflectance`; the same for all deflections of the beams, which hardly change it."""
+        key = tuple(effect for effect in _detecting(effects) if not isinstance(effect, BeamEffect))
+        slope = next((slope for detecting, slope in self._slopes if detecting == key), None)
+        if slope is None:
+            slope = _log_odds_by_reflectance(effects, shot, self.twin_sigmas, memo)
+            self._slopes = [*self._slopes, (key, slope)][-self.ways :]
+        return slope
 
     def shot(self, effects: Sequence[Effect]) -> Shot:
         """Return the hits of the beams as deflected by the beam effects among `effects`."""
@@ -303,7 +313,7 @@ class FrameReplay(Replayed):
         changed = copy.copy(self)
         changed.table = self.table if table is None else table
         changed.paint = self.paint if paint is None else paint.astype(np.float32)
-        changed._shots = []
+        changed._shots, changed._slopes = [], []
         return changed
 
     @property
@@ -402,23 +412,25 @@ def _centres(rays: Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return upward, np.einsum("ij,ij->i", origin, rays.direction), np.einsum("ij,ij->i", origin, upward)
 
 
+def _detecting(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """The effects up to the last one that may change the probability of a return."""
+    last = max((row for row, one in enumerate(effects, 1) if isinstance(one, EchoEffect | ScanEffect)), default=0)
+    return tuple(effects[:last])
+
+
 def _log_odds_by_reflectance(
-    effects: tuple[Effect, ...],
-    shot: Shot,
-    expectation: Expectation,
-    twin_sigmas: tuple[np.ndarray, np.ndarray],
-    memo: ExpectationMemo | None,
+    effects: tuple[Effect, ...], shot: Shot, twin_sigmas: tuple[np.ndarray, np.ndarray], memo: ExpectationMemo | None
 ) -> np.ndarray:
     """Derivative (n,) of the log-odds of a return with respect to the relative reflectance, by a finite difference."""
-    slope = np.zeros(len(expectation.seen))
+    slope, detecting = np.zeros(len(shot.rays)), _detecting(effects)
     if not any(isinstance(effect, EchoEffect) for effect in effects):
         return slope
     noiseless = shot.noiseless
-    darker = expect(effects, shot, twin_sigmas, 1 - _REFLECTANCE_STEP, memo).seen
+    usual, darker = (expect(detecting, shot, twin_sigmas, factor, memo).seen for factor in (1.0, 1 - _REFLECTANCE_STEP))
     shot.noiseless = noiseless
-    least = np.minimum(expectation.seen, darker), 1 - np.maximum(expectation.seen, darker)
+    least = np.minimum(usual, darker), 1 - np.maximum(usual, darker)
     rows = np.flatnonzero(np.minimum(*least) > _LEAST_CHANCE)
-    slope[rows] = (special.logit(expectation.seen[rows]) - special.logit(darker[rows])) / _REFLECTANCE_STEP
+    slope[rows] = (special.logit(usual[rows]) - special.logit(darker[rows])) / _REFLECTANCE_STEP
     return slope
 
 
