@@ -68,6 +68,13 @@ class Neighbours:
             nearest = np.where(ends, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
         return edge, planes.grazed, nearest
 
+    def beside_nothing(self, hits: Hits) -> np.ndarray:
+        """(n,) bool beams that hit a surface and have a neighbour that hits none."""
+        exists, found = hits.solid.exists, np.zeros(len(hits.solid), bool)
+        for row in self.rows:
+            found |= (row >= 0) & ~exists[np.maximum(row, 0)]
+        return found & exists
+
     def other_sides(
         self, hits: Hits, beams: np.ndarray, shift_m: float, turn_rad: float
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from cosim.drives.twin.scene import TwinScenes, ego_motion, lidar_pose, scene_in
 from sensors.beams import Beams
 from sensors.effects.acting import Streams, act_on_beams, in_order
 from sensors.effects.base import Effect
+from sensors.hits import Hits
 from sensors.motion import EgoMotion
 from sensors.rays import Rays
 from sensors.scene import Instances
@@ -48,6 +49,7 @@ class TracedFrame:
         ego, instances: motion of the vehicle, and objects, at the pose time.
         map: map made from the drive's scans, if the twin is one; else None.
         surface: (n,) int32 row of the map surface that each beam hits; −1 for none or without a map.
+        at_end: (n,) bool beams near the end of a map, beyond which they hit nothing; none without a map.
         settings: settings of the loop.
     """
 
@@ -69,6 +71,7 @@ class TracedFrame:
     instances: Instances
     map: MapSurfaces | None
     surface: np.ndarray
+    at_end: np.ndarray
     settings: Settings
 
     @property
@@ -199,10 +202,17 @@ class FrameTracer:
             instances=instances,
             map=own_map,
             surface=surface,
+            at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
             settings=self.settings,
         )
         shot.is_texture_known = made.is_surveyed
         return made
+
+    def _at_end(self, hits: Hits, cell_m: float) -> np.ndarray:
+        """(n,) bool beams within a cell of the end of a map."""
+        at_end = self._neighbours.beside_nothing(hits)
+        nearest_m = np.where(at_end, hits.solid.range_m, np.inf)
+        return widened(at_end, nearest_m, self.sensor.pattern, cell_m, 0.0, self.settings.beams)
 
     def trace_all(self, names: Sequence[str], effects: tuple[Effect, ...]) -> list[TracedFrame]:
         """Trace several frames."""

@@ -4,7 +4,7 @@ A beam returns from the surface it hits with probability `seen`; its range error
 with 5 degrees of freedom, scaled to the stated standard deviation. Spurious returns have the density that scan effects
 predict plus a small uniform density. Intensities are weighted by the probability that the return is from the surface,
 and are censored at the sensor's limits (Tobit). Next to another material the intensity has a mixture distribution.
-Beams near edges hit one of the sides, or none (`_mixed`).
+Beams near edges hit one of the sides, or none (`_mixed`); beams at the ends of maps may hit none (`MapEnds`).
 The offset of a point perpendicular to its beam depends on the sensor, not on the surface. It is used for every return,
 also for beams that cannot be compared with the twin.
 """
@@ -17,6 +17,8 @@ from functools import cache
 import numpy as np
 from scipy import special, stats
 
+from cosim.discrepancy.inference.map_ends import MapEnds
+from cosim.discrepancy.inference.mixture import mixture_weights
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import LikelihoodConstants
 
@@ -99,6 +101,7 @@ class Residuals:
         seen: probability of a return from the surface, clipped away from 0 and 1.
         silent: probability that nothing is reported, clipped away from 0 and 1.
         expected_seen, expected_silent: both without clipping.
+        unended: posterior probability that the beam is not at the end of a map's surface, see `MapEnds`.
         loglik: log-likelihood of each beam, in its first row.
         outcome: part of `loglik` from range and return only; 0 for beams that are not compared.
     """
@@ -119,6 +122,7 @@ class Residuals:
     silent: np.ndarray
     expected_seen: np.ndarray
     expected_silent: np.ndarray
+    unended: np.ndarray
     loglik: np.ndarray
     outcome: np.ndarray
 
@@ -159,6 +163,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
+    ends = MapEnds.of(sample, np.where(returned, np.maximum(certain, constants.lost_share), silent))
+    if ends is not None:
+        loglik_of_outcome += ends.loglik
     loglik = loglik_of_outcome.copy()
     matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
 
@@ -191,6 +198,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         np.clip(silent, constants.lost_share, 1 - constants.lost_share),
         expected_seen,
         expected_silent,
+        np.ones(len(z)) if ends is None else ends.met,
         loglik,
         loglik_of_outcome,
     )
@@ -218,51 +226,11 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             continue
         returned = sample.returned[near]
         neither = np.stack([returned / constants.reach_m, ~returned])
-        share = shares_of_neither(likelihood[near], neither, sample.weight[near], constants)
+        share = mixture_weights(likelihood[near], neither, sample.weight[near], constants)
         either = 1 - share.sum()
         likelihood[near] = either * likelihood[near] + share @ neither
         met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
     return likelihood, met
-
-
-def shares_of_neither(
-    sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, constants: LikelihoodConstants
-) -> np.ndarray:
-    """Maximum-likelihood weights (c,) of mixture components, by Newton's method with a lower limit.
-
-    The log-likelihood is concave. The EM algorithm needs thousands of steps where a weight is near zero, and stops too
-    early there. At the maximum, derivatives of the likelihood with respect to other parameters are as for known
-    weights.
-
-    Args:
-        sides: (k,) likelihoods of the component with the remaining weight.
-        neither: (c, k) likelihoods of the components.
-        weight: (k,) weights of the beams.
-        constants: settings of the likelihood.
-    """
-    least, slope = constants.neither_tolerance, neither - sides
-    share = np.full(len(neither), constants.neither_share)
-    density = sides + share @ slope
-    change = np.inf
-    while change > least:
-        ratio = slope / density
-        if not np.isfinite(ratio).all():  # an unphysical trial: its likelihood is not finite either way
-            break
-        gradient, information = ratio @ weight, (ratio * weight) @ ratio.T
-        free = (share > least) | (gradient > 0)
-        step = np.zeros(len(share))
-        step[free] = np.linalg.lstsq(information[np.ix_(free, free)], gradient[free], rcond=None)[0]
-        change = np.inf
-        while change > least:  # half the step until the likelihood rises
-            moved = np.maximum(share + step, least)
-            moved *= min(1.0, (1 - least) / moved.sum())
-            there = sides + moved @ slope
-            change = float(np.abs(moved - share).max())
-            if weight @ np.log(there / density) >= 0:
-                share, density = moved, there
-                break
-            step /= 2
-    return share
 
 
 def intensity_loglik(sample: Sample, expected: Prediction) -> np.ndarray:

@@ -90,6 +90,7 @@ class Sample:
         border: (n,) bool the beam may hit another material, so that its intensity is ambiguous.
         seam: (n,) bool the same, but the measured intensity itself can decide.
         compared: (n,) bool beams that can be compared with the twin; of other beams only `above_m` is used.
+        at_end: (n,) bool beams near the end of a map made from the scans, beyond which they hit nothing.
         partner: (n,) int row of the beam fired directly before or after that hits the same surface, −1 for none; common
             errors cancel in the difference.
         ring, firing, block, material, instance: (n,) int.
@@ -134,6 +135,7 @@ class Sample:
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray
+    at_end: np.ndarray
     partner: np.ndarray
     ring: np.ndarray
     firing: np.ndarray

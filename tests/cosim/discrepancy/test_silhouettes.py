@@ -16,7 +16,8 @@ from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.inference import likelihood
 from cosim.discrepancy.inference.dependence import channel_slopes
 from cosim.discrepancy.inference.fit import Fitter
-from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of, shares_of_neither
+from cosim.discrepancy.inference.likelihood import range_spread_m, residuals_of
+from cosim.discrepancy.inference.mixture import mixture_weights
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -58,7 +59,7 @@ def _second(sample: Sample) -> np.ndarray:
 
 @pytest.fixture
 def true_shares(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(likelihood, "shares_of_neither", lambda *of: SHARES)
+    monkeypatch.setattr(likelihood, "mixture_weights", lambda *of: SHARES)
 
 
 def test_chances_of_a_beams_sides_make_one(frames) -> None:
@@ -151,7 +152,7 @@ def test_mixture_weights_maximise_the_likelihood() -> None:
     rng = np.random.default_rng(3)
     sides, weight = rng.exponential(size=2000), rng.uniform(0.5, 2, 2000)
     neither = np.stack([np.where(rng.random(2000) < 0.1, 20.0, 0.05), np.where(rng.random(2000) < 0.05, 10.0, 0.0)])
-    share = shares_of_neither(sides, neither, weight, DEFAULT.likelihood)
+    share = mixture_weights(sides, neither, weight, DEFAULT.likelihood)
 
     def loglik(share: np.ndarray) -> float:
         return float(weight @ np.log((1 - share.sum()) * sides + share @ neither))
