@@ -23,6 +23,7 @@ from cosim.discrepancy.inference.search import interval_widening, likelihood_int
 from cosim.discrepancy.settings import DEFAULT, Settings
 
 _REWEIGHTINGS = 5
+_UNKNOWN = 1e12  # variance of parameters without information
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,7 @@ def covariances(fitter: Fitter, fitted: Fitted) -> list[np.ndarray]:
     projector = Projector(model, fitted.estimate, fitter.random.clusters, fitter.sample.share, least_left)
     projected = projector.project(columns)
     inverse = np.linalg.pinv(ridged(projected.information), hermitian=True)
+    inverse += np.diag(np.where(np.diag(projected.information) > 0, 0.0, _UNKNOWN))  # where no beam says anything
     estimates = [inverse]
     for table in projected.tables:
         count = max(np.count_nonzero(np.abs(table).sum(1)), 2)

@@ -124,6 +124,8 @@ def choose(
         p_value = p_about_fit(after, group, gain, evidence.dictionary.tested, settings.selection, rng)
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
+    after, group = _by_laser(model, evidence, after, group)
+    gain = after.loglik - model.loglik
     alternatives = _rivals(trial, trials)
     penalty = group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
@@ -140,6 +142,26 @@ def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> 
         if after.loglik - model.loglik >= trial.gain or group is result.group:
             break
     return after, group
+
+
+def _by_laser(
+    model: FittedModel, evidence: SelectionEvidence, best: FittedModel, group: Group
+) -> tuple[FittedModel, Group]:
+    """An effect with one value per laser in place of a dependence on the laser, if it explains nearly as much.
+
+    It is the same function, but its linear gain may be small: on a map of own scans, few differences are determined.
+    """
+    if group.covariates != ("ring",):
+        return best, group
+    linearisation = evidence.linearisation
+    needed = 1 - linearisation.sample.settings.selection.named
+    for result in evidence.results:
+        other = result.group
+        if other.is_effect and other.size == linearisation.fitter.rings and other.family == group.family:
+            after, _ = refit_with(model, linearisation, other, result.entry.coefficients, fine=False, steps=STEPS)
+            if after.loglik - model.loglik > needed * (best.loglik - model.loglik):
+                best, group = after, other
+    return best, group
 
 
 def _best_alias(
