@@ -49,7 +49,7 @@ class Sampling:
 
     segment: int = 3  # consecutive frames that belong to the same part of the split
     map_scans: int = 24  # scans of one map (made from the scans) used for fitting, evenly spaced
-    map_validation_scans: int = 8  # scans of one map used for validation
+    map_validation_scans: int = 12  # scans of one map used for validation
     scans_each: int = 6  # scans per map used for fitting, if there are several maps
     validation_scans_each: int = 3  # scans per map used for validation, if there are several maps
     apart: int = 6  # length of the stretch of fitted scans over their number: close enough to see the same surfaces

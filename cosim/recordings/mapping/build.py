@@ -26,8 +26,8 @@ from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import RecordingMount
 
 _ROUNDS = 4  # of map and poses
-_HELD_PARTS, _HELD_LONG = 3, 30
-_HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.1, 2, 20
+_HELD_PARTS, _HELD_LONG = 6, 30
+_HELD_SHARE, _HELD_FEWEST, _HELD_MOST = 0.2, 2, 24
 _FEWEST_SURFELS, _FEWEST_ON_MAP = 50, 50
 _SOLID, _WELL_SEEN = 0.9, 4  # share of the points about a surfel that lie on it, and scans, to be trusted
 _PATCH_DEG = (6.0, 5.0)  # azimuth and elevation; in 5° of elevation every sensor has two lasers or more
@@ -79,7 +79,7 @@ class BuiltMap:
 
 
 def held_out_scans(count: int) -> tuple[int, ...]:
-    """Segments of a recording, where scans before and after show the same places: three of long ones, else the middle.
+    """Segments of a recording, where scans before and after show the same places: six of long ones, else the middle.
 
     Places far from each other show one surface from near and far.
     """
