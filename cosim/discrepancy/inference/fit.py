@@ -438,6 +438,7 @@ class Fitter:
             return state
         brightness, darkest = 1 + state.estimate.u[rows], self.settings.random_effects.darkest
         trials = [1 + other.u[rows]] if other else [by * brightness for by in self.settings.descent.brightnesses]
+        penalty = self.random.precision(state.estimate)[rows] / 2
         cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0) * state.residuals.matched
 
         def with_brightness(values: np.ndarray) -> Estimate:
@@ -446,9 +447,11 @@ class Fitter:
             return estimate
 
         def loglik_of(values: np.ndarray) -> np.ndarray:
-            """The part of each surface's log-likelihood that depends on its albedo."""
+            """The part of each surface's penalised log-likelihood that depends on its albedo."""
             expected = self.random.brightened(state.prediction, with_brightness(values))
-            return np.bincount(cell, used * intensity_loglik(sample, expected), len(values))
+            return (
+                np.bincount(cell, used * intensity_loglik(sample, expected), len(values)) - penalty * (values - 1) ** 2
+            )
 
         best, reached = brightness, loglik_of(brightness)
         for trial in (np.maximum(values, darkest) for values in trials):

@@ -155,8 +155,8 @@ def _variances(covariance: np.ndarray, fitter: Fitter, fitted: Fitted) -> np.nda
 
 def _relative_variances(covariance: np.ndarray, gains: np.ndarray) -> np.ndarray:
     """Variances (k,) of gains relative to their mean, in which well determined gains have large weights."""
-    weight = np.ones(len(gains))
     variances = np.diag(covariance)
+    weight = 1 / np.maximum(variances, 1e-12)
     for _ in range(_REWEIGHTINGS):
         relative = np.eye(len(gains)) - np.outer(gains, weight) / float(gains @ weight)
         variances = np.diag(relative @ covariance @ relative.T)

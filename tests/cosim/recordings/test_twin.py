@@ -15,6 +15,7 @@ from cosim.discrepancy.analysis import context_of, trace_and_fit
 from cosim.discrepancy.budget import AS_GIVEN, Aligned
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import fit_nuisances
+from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.intervals import half_widths
 from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.settings import DEFAULT
@@ -260,6 +261,19 @@ def test_gains_of_lasers_are_relative_to_their_mean_where_reflectances_are_unkno
     assert np.median(np.abs(gains / np.median(gains) - 1)) < 0.02
     widths = half_widths(on.fitter, fitted)
     assert np.median(widths) < 0.05, "the common factor is not part of the intervals"
+
+
+def test_a_surface_of_which_all_returns_saturate_has_a_finite_reflectance(twin: Path) -> None:
+    drive = Drive(twin / "twin")
+    known = (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1))
+    sensor = SensorModel(load_pattern(str(drive.pattern)), known)
+    context = context_of(opened(drive), sensor, settings=replace(DEFAULT, rows=4_000))
+    sample = fit_nuisances(context).fitter.sample
+    seen = np.bincount(sample.surface[sample.surface >= 0])
+    saturated = np.flatnonzero(seen > 1)[:5]
+    bright = replace(sample, intensity=np.where(np.isin(sample.surface, saturated), 1.0, sample.intensity))
+    fitted = Fitter(bright).fit(known, ())
+    assert np.abs(fitted.estimate.u[Fitter(bright).random.rows("albedo_of_map")]).max() < 30
 
 
 def test_beams_keep_the_surfaces_of_their_points_in_a_map_of_the_scans(twin: Path) -> None:
