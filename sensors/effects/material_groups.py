@@ -44,13 +44,13 @@ def points_on_surface(returns: Returns, shot: Shot) -> np.ndarray:
     """
     shift_m = shot.texture * _BETWEEN_TEXTURES_M
     if np.array_equal(returns.range_m, shot.hits.solid.range_m[returns.beam]):  # no effect has changed the ranges
-        places = shot.kept(f"places of texture {shot.texture}", lambda: _places_by_beam(shot, shift_m))
+        places = shot.kept(f"positions in texture {shot.texture}", lambda: _positions_by_beam(shot, shift_m))
         return places.take(returns.beam, axis=0)
     return (_positions(returns, shot) + shift_m).astype(np.float32)
 
 
-def _places_by_beam(shot: Shot, shift_m: np.ndarray) -> np.ndarray:
-    """Places (n, 3) float32 [m] of the solid surfaces that the beams hit; 0 for beams without one."""
+def _positions_by_beam(shot: Shot, shift_m: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) float32 [m] of the solid surfaces that the beams hit; 0 for beams without one."""
     places = np.zeros((len(shot.rays), 3), np.float32)
     positions = shot.kept("positions on surfaces", lambda: _positions(shot.solids, shot))
     places[shot.solids.beam] = positions + shift_m

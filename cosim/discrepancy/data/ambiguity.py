@@ -68,8 +68,8 @@ class Neighbours:
             nearest = np.where(ends, np.minimum(nearest, np.minimum(reach, reach[other])), nearest)
         return edge, planes.grazed, nearest
 
-    def beside_nothing(self, hits: Hits) -> np.ndarray:
-        """(n,) bool beams that hit a surface and have a neighbour that hits none."""
+    def next_to_sky(self, hits: Hits) -> np.ndarray:
+        """Mask (n,) of beams that hit a surface and have a neighbour that hits none."""
         exists, found = hits.solid.exists, np.zeros(len(hits.solid), bool)
         for row in self.rows:
             found |= (row >= 0) & ~exists[np.maximum(row, 0)]

@@ -210,7 +210,7 @@ class FrameTracer:
 
     def _at_end(self, hits: Hits, cell_m: float) -> np.ndarray:
         """(n,) bool beams within a cell of the end of a map."""
-        at_end = self._neighbours.beside_nothing(hits)
+        at_end = self._neighbours.next_to_sky(hits)
         nearest_m = np.where(at_end, hits.solid.range_m, np.inf)
         return widened(at_end, nearest_m, self.sensor.pattern, cell_m, 0.0, self.settings.beams)
 

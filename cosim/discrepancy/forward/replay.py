@@ -201,7 +201,7 @@ class Replayed:
         return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
 
     def _log_odds_by_reflectance(self, effects: tuple[Effect, ...], shot: Shot, memo: ExpectationMemo) -> np.ndarray:
-        """As `Expected.log_odds_by_reflectance`; the same for all deflections of the beams, which hardly change it."""
+        """As `Expected.log_odds_by_reflectance`; the same for all deflections of the beams: they change it little."""
         key = tuple(effect for effect in _detecting(effects) if not isinstance(effect, BeamEffect))
         slope = next((slope for detecting, slope in self._slopes if detecting == key), None)
         if slope is None:

@@ -101,7 +101,7 @@ class Residuals:
         seen: probability of a return from the surface, clipped away from 0 and 1.
         silent: probability that nothing is reported, clipped away from 0 and 1.
         expected_seen, expected_silent: both without clipping.
-        unended: posterior probability that the beam is not at the end of a map's surface, see `MapEnds`.
+        not_missed: posterior probability that the beam does not miss the end of a map, see `MapEnds`.
         loglik: log-likelihood of each beam, in its first row.
         outcome: part of `loglik` from range and return only; 0 for beams that are not compared.
     """
@@ -122,7 +122,7 @@ class Residuals:
     silent: np.ndarray
     expected_seen: np.ndarray
     expected_silent: np.ndarray
-    unended: np.ndarray
+    not_missed: np.ndarray
     loglik: np.ndarray
     outcome: np.ndarray
 

@@ -8,7 +8,7 @@ from cosim.discrepancy.settings import LikelihoodConstants
 
 
 def mixture_weights(
-    sides: np.ndarray, neither: np.ndarray, weight: np.ndarray, constants: LikelihoodConstants
+    rest: np.ndarray, others: np.ndarray, weight: np.ndarray, constants: LikelihoodConstants
 ) -> np.ndarray:
     """Maximum-likelihood weights (c,) of mixture components, by Newton's method with a lower limit.
 
@@ -17,14 +17,14 @@ def mixture_weights(
     weights.
 
     Args:
-        sides: (k,) likelihoods of the component with the remaining weight.
-        neither: (c, k) likelihoods of the components.
+        rest: (k,) likelihoods of the component with the remaining weight.
+        others: (c, k) likelihoods of the components.
         weight: (k,) weights of the beams.
         constants: settings of the likelihood.
     """
-    least, slope = constants.neither_tolerance, neither - sides
-    share = np.full(len(neither), constants.neither_share)
-    density = sides + share @ slope
+    least, slope = constants.neither_tolerance, others - rest
+    share = np.full(len(others), constants.neither_share)
+    density = rest + share @ slope
     change = np.inf
     while change > least:
         ratio = slope / density
@@ -38,7 +38,7 @@ def mixture_weights(
         while change > least:  # half the step until the likelihood rises
             moved = np.maximum(share + step, least)
             moved *= min(1.0, (1 - least) / moved.sum())
-            there = sides + moved @ slope
+            there = rest + moved @ slope
             change = float(np.abs(moved - share).max())
             if weight @ np.log(there / density) >= 0:
                 share, density = moved, there

@@ -63,7 +63,7 @@ class Evidence:
         intensity_gap = (residuals.intensity_z - residuals.intensity_z[pair]) / np.sqrt(2)
         is_lost = residuals.met * ~sample.returned[sample.own]
         # The outcome is a return of the surface or nothing; other returns say nothing about how often it is lost.
-        possible_weight = np.where(possible, weight * residuals.unended, 0.0)
+        possible_weight = np.where(possible, weight * residuals.not_missed, 0.0)
         binary = possible_weight / np.where(possible, residuals.seen * residuals.silent, 1)
         score: dict[Quantity, np.ndarray] = {
             "range": matched * student_score(range_z) / range_sigma,

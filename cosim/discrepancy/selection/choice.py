@@ -147,7 +147,7 @@ def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> 
 def _by_laser(
     model: FittedModel, evidence: SelectionEvidence, best: FittedModel, group: Group
 ) -> tuple[FittedModel, Group]:
-    """An effect with one value per laser in place of a dependence on the laser, if it explains nearly as much.
+    """An effect with one value per laser instead of a dependence on the laser, if it explains nearly as much.
 
     It is the same function, but its linear gain may be small: on a map of own scans, few differences are determined.
     """

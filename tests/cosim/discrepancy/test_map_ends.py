@@ -51,7 +51,7 @@ def test_losses_at_some_ends_are_put_down_to_the_map(predicted: tuple[Sample, Pr
     is_short = sample.at_end & (sample.surface % 60 == 0)
     lost = is_short & (np.random.default_rng(1).random(len(sample)) < 0.5)
     here = _losing(sample, lost)
-    met = residuals_of(here, expected).unended
+    met = residuals_of(here, expected).not_missed
     assert met[is_short].mean() < 0.1 and met[sample.at_end & ~is_short].mean() > 0.97
     assert np.all(met[~sample.at_end] == 1)
     elsewhere = replace(here, at_end=np.zeros(len(here), bool))
@@ -64,7 +64,7 @@ def test_losses_everywhere_are_losses_of_the_sensor(predicted: tuple[Sample, Pre
     here = _losing(sample, sample.compared & (np.random.default_rng(2).random(len(sample)) < LOST))
     logliks = {share: residuals_of(here, _with_losses(expected, share)).loglik.sum() for share in (0.0, 0.1, LOST, 0.3)}
     assert max(logliks, key=logliks.__getitem__) == LOST
-    assert residuals_of(here, _with_losses(expected, LOST)).unended.mean() > 0.97
+    assert residuals_of(here, _with_losses(expected, LOST)).not_missed.mean() > 0.97
 
 
 def test_the_score_is_the_derivative_of_the_likelihood(predicted: tuple[Sample, Prediction]) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from cosim.discrepancy.forward.joined import Expected, SampleReplay
 from sensors.effects.base import Effect
+from sensors.effects.expectation import ExpectationMemo, expect
 from sensors.effects.registry import effect_classes
 from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
@@ -66,3 +67,40 @@ def test_what_was_was_left_is_returned_to(replay: SampleReplay) -> None:
     moved = replay.expect((turned,))
     assert np.nanmax(np.abs(moved.of.range_m - before.of.range_m)) > 0.05
     np.testing.assert_array_equal(replay.expect(()).of.range_m, before.of.range_m)
+
+
+FIELDS = (
+    ("reflectance_field", {"surfaces": "road", "sigma": 0.4, "cell_m": 0.2}),
+    ("detection_threshold", {"threshold": 0.2, "softness": 0.05}),
+    (
+        "surface_relief",
+        {"surfaces": "vehicle", "coarse_sigma_m": 0.02, "coarse_m": 0.2, "fine_sigma_m": 0, "fine_m": 0.05},
+    ),
+    ("range_noise", {"sigma_m": 0.01}),
+)
+
+
+def test_textures_on_objects_of_all_frames_are_evaluated_at_once(replay: SampleReplay) -> None:
+    effects = tuple(effect_classes()[name](**parameters) for name, parameters in FIELDS)
+    found, expected = replay._together.expect(effects), one_by_one(replay, effects)
+    for part in ("range_m", "intensity", "seen"):
+        np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-6, err_msg=part)
+    bare = replay._together.expect(effects[-1:])
+    assert np.nanmax(np.abs(found.of.range_m - bare.of.range_m)) > 0.01, "relief of vehicles changes ranges"
+
+
+def test_a_model_that_resumes_after_another_one_is_the_same(replay: SampleReplay) -> None:
+    """Whatever was evaluated before, in any order, with known textures and averaged over unknown ones."""
+    effects = [effect_classes()[name](**parameters) for name, parameters in FIELDS]
+    models = [tuple(effects)]
+    for row, values in ((1, {"threshold": 0.3}), (3, {"sigma_m": 0.05}), (0, {"sigma": 0.1}), (1, {"softness": 0.1})):
+        models.append((*effects[:row], effects[row].model_copy(update=values), *effects[row + 1 :]))
+    shot = replay._together.shot(())
+    for is_known in (True, False):
+        shot.is_texture_known = is_known
+        memo, fresh = ExpectationMemo(), [expect(model, shot) for model in models]
+        for number in (0, 1, 2, 0, 3, 4, 1, 0):
+            found = expect(models[number], shot, memo=memo)
+            for name, values in vars(fresh[number]).items():
+                np.testing.assert_array_equal(getattr(found, name), values, err_msg=name)
+    shot.is_texture_known = True
