@@ -67,8 +67,6 @@ class Sampling:
     across_sigmas: float = 4.0  # plus this many σ of its points; objects on the ground are further away
     on_plane_m: float = 0.02  # distance along the normal within which a traced hit belongs to a map surface
     neighbours: int = 6  # number of nearest surfaces tested for a hit
-    square_m: float = 8.0  # side of the squares of ground that are assigned to fitting or validation
-    validation_every: int = 3  # one in this many squares is used for validation
     least_rough: float = 0.2  # minimum share of the scatter of a surface's points that is attributed to its roughness
     level: float = 0.9  # |n·z| of a normal n above which a surface is horizontal
 

@@ -70,12 +70,6 @@ class MapSurfaces(SurfelMap):
         """
         return cls(**vars(read_surfels(file)), settings=settings)
 
-    @cached_property
-    def judge(self) -> np.ndarray:
-        """(m,) bool whether each surface is in a ground square for validation; the others are for fitting."""
-        square = np.floor(self.centre[:, :2] / self.settings.square_m).astype(int)
-        return (square[:, 0] + square[:, 1]) % self.settings.validation_every == 0
-
     def met(self, position: np.ndarray, instance: np.ndarray) -> np.ndarray:
         """Row (n,) of the surface that each beam hits; −1 for none.
 

@@ -11,9 +11,7 @@ from cosim.discrepancy.sampling.gathering import Taken, gather_sample
 from cosim.discrepancy.sampling.sample import Sample
 
 
-def draw_sample(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, *, for_validation: bool | None = None
-) -> Sample:
+def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator) -> Sample:
     """Draw a sample of about `count` beams in neighbouring pairs, equally many per frame.
 
     Objects are sampled more densely than the static world; beams on rare materials, for example number plates and
@@ -23,11 +21,9 @@ def draw_sample(
         frames: traced frames, in order of time.
         count: approximate number of beams.
         rng: random generator.
-        for_validation: for a map made from the scans: whether to use surfaces for validation (True) or for fitting
-            (False); default: all surfaces.
     """
     if frames and frames[0].map is not None:
-        return gather_sample(frames, _sample_maps(frames, count, rng, for_validation))
+        return gather_sample(frames, _sample_maps(frames, count, rng))
     share = max(count // max(len(frames), 1), 1)
     return gather_sample(frames, [_sample_frame(frame, share, rng) for frame in frames])
 
@@ -80,9 +76,7 @@ def _rows(beam: np.ndarray, weight: np.ndarray, partner: np.ndarray) -> Taken:
     return {"beam": beam, "weight": weight, "partner": partner}
 
 
-def _sample_maps(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, for_validation: bool | None
-) -> list[Taken]:
+def _sample_maps(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator) -> list[Taken]:
     """Sample beams of each frame on maps made from the scans; the number per map is proportional to its frames."""
     by_place: dict[str, list[int]] = {}
     for number, frame in enumerate(frames):
@@ -93,24 +87,20 @@ def _sample_maps(
         chosen |= dict(
             zip(
                 numbers,
-                _sample_map(frames_of_map, count * len(frames_of_map) // len(frames), rng, for_validation),
+                _sample_map(frames_of_map, count * len(frames_of_map) // len(frames), rng),
                 strict=True,
             )
         )
     return [chosen[number] for number in range(len(frames))]
 
 
-def _sample_map(
-    frames: Sequence[TracedFrame], count: int, rng: np.random.Generator, for_validation: bool | None
-) -> list[Taken]:
+def _sample_map(frames: Sequence[TracedFrame], count: int, rng: np.random.Generator) -> list[Taken]:
     """Sample beams of each frame in one map: several per surface, preferring surfaces seen from near and far."""
     surfaces = frames[0].map
     assert surfaces is not None  # the caller checked it
     usable = [np.flatnonzero(frame.observed.trusted & ~frame.edge) for frame in frames]
     surface = np.concatenate([frame.surface[rows] for frame, rows in zip(frames, usable, strict=True)])
     most, observations = frames[0].settings.sampling.beams_per_surface, np.bincount(surface, minlength=len(surfaces))
-    if for_validation is not None:
-        observations = np.where(surfaces.judge == for_validation, observations, 0)
     sampled = surfaces.sample(np.minimum(observations, most), count, rng)
     chance = np.zeros(len(surfaces))
     chance[sampled] = np.minimum(most / observations[sampled] / 2, 1.0)

@@ -99,14 +99,6 @@ def test_sampled_surfaces_have_the_requested_number_of_observations_half_of_them
     assert np.count_nonzero(drawn < 300) == pytest.approx(50, abs=1)
 
 
-def test_a_third_of_the_ground_squares_is_for_validation(tmp_path: Path) -> None:
-    surfaces = Maps(drive_with(tmp_path / "drive", wall(600))).of(None)
-    assert surfaces is not None
-    changes = np.flatnonzero(np.diff(surfaces.judge.astype(int)))
-    assert surfaces.judge.mean() == pytest.approx(1 / 3, abs=0.05)
-    assert np.diff(changes).min() >= 19  # surfaces of 40 cm in 8 m
-
-
 def test_a_map_of_several_is_that_of_the_frame(tmp_path: Path) -> None:
     drive = drive_with(tmp_path / "drive", wall())
     (drive.root / "twin/surfels").mkdir()
