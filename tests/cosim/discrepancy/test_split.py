@@ -33,7 +33,7 @@ def on_the_way(count: int, waits: range = range(0)) -> dict[str, np.ndarray]:
 def test_frames_cover_a_single_map_and_the_middles_of_several_maps() -> None:
     names, places = [f"{row:06d}" for row in range(2000)], on_the_way(2000)
     alone = split_of_maps([names[:140]], [names[140:155]], places, 133_312)
-    assert (len(alone.fit), len(alone.test)) == (24, 8) and alone.fit[0] == names[0] and alone.fit[-1] == names[139]
+    assert (len(alone.fit), len(alone.test)) == (24, 12) and alone.fit[0] == names[0] and alone.fit[-1] == names[139]
     parts = [names[start : start + 150] for start in range(0, 1950, 150)]
     several = split_of_maps([part[:132] for part in parts], [part[132:] for part in parts], places, 28_800)
     assert several.is_held_out and len(several.fit) == 13 * 6
