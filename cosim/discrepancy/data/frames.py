@@ -50,6 +50,7 @@ class TracedFrame:
         map: map made from the drive's scans, if the twin is one; else None.
         surface: (n,) int32 row of the map surface that each beam hits; −1 for none or without a map.
         at_end: (n,) bool beams near the end of a map, beyond which they hit nothing; none without a map.
+        unmapped: share of the beams towards a map's surfaces that something stops that is not in the map.
         settings: settings of the loop.
     """
 
@@ -72,6 +73,7 @@ class TracedFrame:
     map: MapSurfaces | None
     surface: np.ndarray
     at_end: np.ndarray
+    unmapped: float
     settings: Settings
 
     @property
@@ -172,13 +174,15 @@ class FrameTracer:
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
-        surface, own_map = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static)
+        surface, own_map, unmapped = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static), 0.0
         if own_map is None:
             trusted, twin_sigma_m, twin_sigma_intensity = _read_trust(
                 frame, shot, observed, self.settings.beams.grazing, solved
             )
         else:
-            surface, trusted, twin_sigma_m = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
+            surface, trusted, twin_sigma_m, unmapped = _on_map(
+                own_map, shot, observed, ego, self.settings.beams.grazing
+            )
             twin_sigma_intensity = np.zeros(len(observed.rays), np.float32)
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
@@ -203,6 +207,7 @@ class FrameTracer:
             map=own_map,
             surface=surface,
             at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
+            unmapped=unmapped,
             settings=self.settings,
         )
         shot.is_texture_known = made.is_surveyed
@@ -242,8 +247,12 @@ def _read_trust(
 
 def _on_map(
     surfaces: MapSurfaces, shot: Shot, observed: Observed, ego: EgoMotion, grazing: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Map surfaces (n,) that beams hit, mask (n,) of comparable beams, and σ (n,) of ranges due to roughness [m]."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Surfaces of the map that beams hit, and how they can be compared.
+
+    Returns:
+        Surfaces (n,), mask (n,) of comparable beams, σ (n,) of ranges due to roughness [m], and `TracedFrame.unmapped`.
+    """
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
     position = _world_points(shot, observed)[0]
@@ -252,8 +261,8 @@ def _on_map(
     returned = traced.origin + traced.direction * observed.along_m[:, None]
     turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
     moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
-    trusted = observed.trusted & surfaces.compared(surface, position, slope, returned, moved)
-    return surface, trusted, surfaces.twin_sigma_m(surface, slope, grazing)
+    compared, unmapped = surfaces.compared(surface, position, slope, returned, moved)
+    return surface, observed.trusted & compared, surfaces.twin_sigma_m(surface, slope, grazing), unmapped
 
 
 def _world_points(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

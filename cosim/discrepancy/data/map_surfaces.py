@@ -84,8 +84,10 @@ class MapSurfaces(SurfelMap):
 
     def compared(
         self, met: np.ndarray, position: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, float]:
         """Mask (n,) of beams that can be compared: no return, or a return close to the surface with or without `moved`.
+
+        Other returns are from something that is not in the map, which also stops beams that do not return.
 
         The hit must lie among the points that the surface was made from; a dropped beam outside of them may not have
         hit anything. The tolerance along the normal is a range error plus a small margin: a return from a kerb or a
@@ -97,16 +99,20 @@ class MapSurfaces(SurfelMap):
             slope: (n,) cosines of incidence.
             measured: (n, 3) world points of the returns [m]; NaN without a return.
             moved: (n, 3) motion of the sensor until the beam was fired that the model does not include [m].
+
+        Returns:
+            The mask; and the share of the returns of beams that should hit a surface that is from something else.
         """
         row, by = np.maximum(met, 0), self.settings
         offset = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
         offsets = np.stack([offset, offset + np.einsum("ij,ij->i", moved, self.normal[row])])
         distance = np.where(np.sign(offsets[0]) == np.sign(offsets[1]), np.abs(offsets).min(0), 0.0)
         tolerance = by.margin_m * slope + by.across_m + by.across_sigmas * self.sd_m[row]
-        mask = (met >= 0) & self.trusted[row] & ~(distance > tolerance)
+        mask = (met >= 0) & self.trusted[row]
         rows = np.flatnonzero(mask)
         mask[rows] = self.among_points(row[rows], position[rows])
-        return mask
+        returned, far = mask & np.isfinite(distance), distance > tolerance
+        return mask & ~far, float((returned & far).sum() / max(returned.sum(), 1))
 
     @cached_property
     def rough_m(self) -> np.ndarray:

@@ -101,7 +101,8 @@ class Residuals:
         seen: probability of a return from the surface, clipped away from 0 and 1.
         silent: probability that nothing is reported, clipped away from 0 and 1.
         expected_seen, expected_silent: both without clipping.
-        not_missed: posterior probability that the beam does not miss the end of a map, see `MapEnds`.
+        not_missed: posterior probability that the beam neither misses the end of a map, see `MapEnds`, nor is stopped
+            by what is not in the map.
         loglik: log-likelihood of each beam, in its first row.
         outcome: part of `loglik` from range and return only; 0 for beams that are not compared.
     """
@@ -166,6 +167,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     ends = MapEnds.of(sample, np.where(returned, np.maximum(certain, constants.lost_share), silent))
     if ends is not None:
         loglik_of_outcome += ends.loglik
+    # Returns from what is not in a map are not compared; losses of as many beams are not either.
+    compared_share = np.where(returned, 1.0, 1 - sample.unmapped)
+    loglik_of_outcome *= compared_share
     loglik = loglik_of_outcome.copy()
     matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
 
@@ -198,7 +202,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         np.clip(silent, constants.lost_share, 1 - constants.lost_share),
         expected_seen,
         expected_silent,
-        np.ones(len(z)) if ends is None else ends.met,
+        compared_share * (1.0 if ends is None else ends.met),
         loglik,
         loglik_of_outcome,
     )

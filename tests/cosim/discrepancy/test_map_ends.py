@@ -77,3 +77,21 @@ def test_the_score_is_the_derivative_of_the_likelihood(predicted: tuple[Sample, 
     change = (up.seen - down.seen) * here.compared
     score = Evidence.of(here, residuals_of(here, expected)).score["drop"] @ change
     assert slope == pytest.approx(score, rel=0.02)
+
+
+def test_as_many_losses_as_returns_are_left_out_where_something_unmapped_stops_beams(
+    predicted: tuple[Sample, Prediction],
+) -> None:
+    """Half of the beams meet something that is not in the map: their returns are not compared, their losses are."""
+    sample, expected = predicted
+    rng = np.random.default_rng(4)
+    stopped, lost = rng.random(len(sample)) < 0.5, rng.random(len(sample)) < LOST
+    here = _losing(sample, lost)
+    here = replace(here, compared=sample.compared & (lost | ~stopped), at_end=np.zeros(len(sample), bool))
+    shares = (0.1, LOST, 0.3, 0.4)
+
+    def most_likely(sample: Sample) -> float:
+        return max(shares, key=lambda share: residuals_of(sample, _with_losses(expected, share)).outcome.sum())
+
+    assert most_likely(here) > LOST
+    assert most_likely(replace(here, unmapped=np.full(len(here), 0.5))) == LOST

@@ -55,10 +55,11 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
     measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
     position = np.array([[5.0, 0, 1], [5.0, 0, 1], [5.0, 0, 1], [5.0, 15.6, 1], [5.0, 0, 1]])
     met, slope, still = np.array([0, 0, 0, 39, -1]), np.ones(5), np.zeros((5, 3))
-    compared = surfaces.compared(met, position, slope, measured, still)
+    compared, unmapped = surfaces.compared(met, position, slope, measured, still)
     np.testing.assert_array_equal(compared, [True, False, True, False, False])
+    assert unmapped == 0.5, "one of two returns towards trusted surfaces is from something before them"
     for moved, seen in ((0.4, True), (1.5, True), (-0.4, False)):
-        compared = surfaces.compared(met, position, slope, measured, np.tile([moved, 0, 0], (5, 1)))
+        compared, _ = surfaces.compared(met, position, slope, measured, np.tile([moved, 0, 0], (5, 1)))
         np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
 
 
@@ -66,7 +67,7 @@ def test_beam_at_grazing_incidence_with_a_return_off_the_surface_is_not_compared
     surfaces = Maps(drive_with(tmp_path / "drive", wall())).of(None)
     assert surfaces is not None
     position, measured = np.tile([5.0, 0, 1], (2, 1)), np.tile([4.8, 0, 1], (2, 1))
-    compared = surfaces.compared(np.zeros(2, int), position, np.array([1.0, 0.05]), measured, np.zeros((2, 3)))
+    compared, _ = surfaces.compared(np.zeros(2, int), position, np.array([1.0, 0.05]), measured, np.zeros((2, 3)))
     np.testing.assert_array_equal(compared, [True, False])
 
 
@@ -75,7 +76,7 @@ def test_beam_outside_the_points_of_a_surface_is_not_compared(tmp_path: Path) ->
     assert surfaces is not None
     position = np.array([[5.0, 0.1, 1.1], [5.0, 0.19, 1.19]])  # in the cell's corner, beyond the octagon of the points
     lost = np.full((2, 3), np.nan)
-    compared = surfaces.compared(np.zeros(2, int), position, np.ones(2), lost, np.zeros((2, 3)))
+    compared, _ = surfaces.compared(np.zeros(2, int), position, np.ones(2), lost, np.zeros((2, 3)))
     np.testing.assert_array_equal(compared, [True, False])
 
 
