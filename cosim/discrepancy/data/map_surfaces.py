@@ -111,7 +111,7 @@ class MapSurfaces(SurfelMap):
         mask = (met >= 0) & self.trusted[row]
         rows = np.flatnonzero(mask)
         mask[rows] = self.among_points(row[rows], position[rows])
-        returned, far = mask & np.isfinite(distance), distance > tolerance
+        returned, far = mask & np.isfinite(offset), distance > tolerance
         return mask & ~far, float((returned & far).sum() / max(returned.sum(), 1))
 
     @cached_property
