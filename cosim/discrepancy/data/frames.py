@@ -174,15 +174,13 @@ class FrameTracer:
         beams = act_on_beams(in_order(effects), Beams.nominal(observed.rays), before, streams, self.sensor.origin)
         traced = world.trace(beams)
         shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
-        surface, own_map, unmapped = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static), 0.0
+        surface, own_map, stopped = np.full(len(observed.rays), -1, np.int32), self._maps.of(twin.static), None
         if own_map is None:
             trusted, twin_sigma_m, twin_sigma_intensity = _read_trust(
                 frame, shot, observed, self.settings.beams.grazing, solved
             )
         else:
-            surface, trusted, twin_sigma_m, unmapped = _on_map(
-                own_map, shot, observed, ego, self.settings.beams.grazing
-            )
+            surface, trusted, twin_sigma_m, stopped = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             twin_sigma_intensity = np.zeros(len(observed.rays), np.float32)
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
@@ -207,7 +205,7 @@ class FrameTracer:
             map=own_map,
             surface=surface,
             at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
-            unmapped=unmapped,
+            unmapped=0.0 if stopped is None else _share_of_returns(stopped, trusted & observed.returned, ~edge),
             settings=self.settings,
         )
         shot.is_texture_known = made.is_surveyed
@@ -245,13 +243,20 @@ def _read_trust(
     return trusted, sigma_m / np.maximum(steep, grazing), sigma_intensity
 
 
+def _share_of_returns(stopped: np.ndarray, returned: np.ndarray, among: np.ndarray) -> float:
+    """Share of stopped beams among these and the returned ones, of the beams in a mask; all (n,) bool."""
+    stopped, returned = stopped & among, returned & among
+    return float(stopped.sum() / max(np.count_nonzero(stopped | returned), 1))
+
+
 def _on_map(
     surfaces: MapSurfaces, shot: Shot, observed: Observed, ego: EgoMotion, grazing: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Surfaces of the map that beams hit, and how they can be compared.
 
     Returns:
-        Surfaces (n,), mask (n,) of comparable beams, σ (n,) of ranges due to roughness [m], and `TracedFrame.unmapped`.
+        Surfaces (n,), mask (n,) of comparable beams, σ (n,) of ranges due to roughness [m], and mask (n,) of beams
+        towards them that return from something else.
     """
     solid, traced = shot.hits.solid, shot.traced
     assert traced is not None  # frames are traced
@@ -261,8 +266,8 @@ def _on_map(
     returned = traced.origin + traced.direction * observed.along_m[:, None]
     turning = np.cross([0.0, 0.0, ego.yaw_rate_radps], returned - ego.pose[:3, 3])
     moved = (observed.rays.time_s - traced.time_s)[:, None] * (ego.velocity_mps + turning)
-    compared, unmapped = surfaces.compared(surface, position, slope, returned, moved)
-    return surface, observed.trusted & compared, surfaces.twin_sigma_m(surface, slope, grazing), unmapped
+    compared, stopped = surfaces.compared(surface, position, slope, returned, moved)
+    return surface, observed.trusted & compared, surfaces.twin_sigma_m(surface, slope, grazing), stopped
 
 
 def _world_points(shot: Shot, observed: Observed) -> tuple[np.ndarray, np.ndarray]:

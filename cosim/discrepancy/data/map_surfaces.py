@@ -84,7 +84,7 @@ class MapSurfaces(SurfelMap):
 
     def compared(
         self, met: np.ndarray, position: np.ndarray, slope: np.ndarray, measured: np.ndarray, moved: np.ndarray
-    ) -> tuple[np.ndarray, float]:
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Mask (n,) of beams that can be compared: no return, or a return close to the surface with or without `moved`.
 
         Other returns are from something that is not in the map, which also stops beams that do not return.
@@ -101,7 +101,7 @@ class MapSurfaces(SurfelMap):
             moved: (n, 3) motion of the sensor until the beam was fired that the model does not include [m].
 
         Returns:
-            The mask; and the share of the returns of beams that should hit a surface that is from something else.
+            The mask; and a mask (n,) of beams that should hit a surface but return from something else.
         """
         row, by = np.maximum(met, 0), self.settings
         offset = np.einsum("ij,ij->i", measured - self.centre[row], self.normal[row])
@@ -111,8 +111,8 @@ class MapSurfaces(SurfelMap):
         mask = (met >= 0) & self.trusted[row]
         rows = np.flatnonzero(mask)
         mask[rows] = self.among_points(row[rows], position[rows])
-        returned, far = mask & np.isfinite(offset), distance > tolerance
-        return mask & ~far, float((returned & far).sum() / max(returned.sum(), 1))
+        far = distance > tolerance
+        return mask & ~far, mask & far
 
     @cached_property
     def rough_m(self) -> np.ndarray:

@@ -55,9 +55,9 @@ def test_beams_are_compared_where_they_return_from_about_a_trusted_surface_or_no
     measured = np.array([[4.9, 0, 1], [4.5, 0, 1], [np.nan] * 3, [5.0, 15.6, 1], [5.0, 0, 1]])
     position = np.array([[5.0, 0, 1], [5.0, 0, 1], [5.0, 0, 1], [5.0, 15.6, 1], [5.0, 0, 1]])
     met, slope, still = np.array([0, 0, 0, 39, -1]), np.ones(5), np.zeros((5, 3))
-    compared, unmapped = surfaces.compared(met, position, slope, measured, still)
+    compared, stopped = surfaces.compared(met, position, slope, measured, still)
     np.testing.assert_array_equal(compared, [True, False, True, False, False])
-    assert unmapped == 0.5, "one of two returns towards trusted surfaces is from something before them"
+    np.testing.assert_array_equal(stopped, [False, True, False, False, False])
     for moved, seen in ((0.4, True), (1.5, True), (-0.4, False)):
         compared, _ = surfaces.compared(met, position, slope, measured, np.tile([moved, 0, 0], (5, 1)))
         np.testing.assert_array_equal(compared, [True, seen, True, False, False], f"it had moved by {moved} m")
