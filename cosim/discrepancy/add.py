@@ -93,7 +93,7 @@ def add(
 
     Args:
         effect: class of the effect, its name in the catalogue, or `path.py:ClassName`; an effect that the sensor
-            already has is fitted again.
+            already has is fitted again; of several with this name, that with the `fixed` parameters, or a further one.
         drive: measured drive with a twin, or its folder.
         sensor: sensor model or its file.
         fixed: parameters with known values, which are not fitted.
@@ -109,7 +109,7 @@ def add(
     fixed, kind = fixed_parameters(kind, fixed or {}), for_rings(kind, model.pattern.rings)
     context = context_of(drive, model, seed=seed)
     effects = context.initial_effects
-    index = next((i for i, effect in enumerate(effects) if effect.name == kind.name), None)
+    index = _own_index(effects, kind, fixed)
     if index is not None and fixed:
         effects = tuple(with_values(effect, fixed) if i == index else effect for i, effect in enumerate(effects))
     on = fit_nuisances(context)
@@ -130,6 +130,21 @@ def add(
         error_before=held_out(context, without, context.initial_effects),
         error_after=held_out(context, fit_held_out(context, effects) if is_held_out else on, effects),
     )
+
+
+def _own_index(effects: Sequence[Effect], kind: type[Effect], fixed: Mapping[str, Any]) -> int | None:
+    """Index of the sensor's own effect of a type; None without one.
+
+    Raises:
+        SensorError: the sensor has several with the fixed parameters.
+    """
+    rows = [row for row, effect in enumerate(effects) if effect.name == kind.name]
+    if kind.repeatable:
+        rows = [row for row in rows if all(getattr(effects[row], name) == value for name, value in fixed.items())]
+    if len(rows) > 1:
+        values = "; ".join(str(effects[row].model_dump()) for row in rows[:3])
+        raise SensorError(f"the sensor has {len(rows)} effects {kind.name}: name one with --param ({values})")
+    return rows[0] if rows else None
 
 
 def fixed_parameters(kind: type[Effect], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,7 +176,7 @@ def _start(
     fixed: Mapping[str, Any],
 ) -> tuple[tuple[Effect, ...], int, dict[str, Any]]:
     """Return the effects with the new one at initial values, its index, and intervals that are already known."""
-    others = tuple(effect for effect in effects if effect.name != kind.name)
+    others = tuple(effect for effect in effects if kind.repeatable or effect.name != kind.name)
     fitter, root = on.fitter, context.tracer.drive.root
     if issubclass(kind, RoundingEffect) and not fixed:
         at = fitter.at(others, on.fitted.estimate)

@@ -34,10 +34,13 @@ class Unknown:
 
 
 def unknowns(kind: type[Effect]) -> tuple[Unknown, ...]:
-    """Fittable parameters of an effect, in order; parameters with choices are excluded."""
+    """Fittable parameters of an effect, in order; those with choices, and optional ones without a scale, are excluded.
+
+    The scale of a parameter follows from the effect's example.
+    """
     parameters = []
     for parameter in kind.parameters():
-        if parameter.choices:
+        if parameter.choices or parameter.name not in kind.example:
             continue
         rings = len(kind.example[parameter.name]) if parameter.per_ring else 1
         low = -np.inf if parameter.low is None else parameter.low
