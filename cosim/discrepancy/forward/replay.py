@@ -167,11 +167,11 @@ class Replayed:
         """Predict the beams from effects, given in the order in which they act."""
         shot, memo = self._shot_and_memo(effects)
         expectation = expect(effects, shot, self.twin_sigmas, memo=memo)
-        return self._complete(effects, shot, expectation, lambda: self._log_odds_by_reflectance(effects, shot, memo))
+        return self._complete(effects, shot, expectation, lambda: self._log_odds(effects, shot, expectation.seen, memo))
 
     def complete(self, effects: tuple[Effect, ...], shot: Shot, expectation: Expectation) -> Expected:
         """Add optical centres and spurious returns to the expectation of a shot."""
-        slope = cache(lambda: _log_odds_by_reflectance(effects, shot, self.twin_sigmas, None))
+        slope = cache(lambda: _log_odds_by_reflectance(effects, shot, expectation.seen, self.twin_sigmas))
         return self._complete(effects, shot, expectation, slope)
 
     def _complete(
@@ -200,12 +200,12 @@ class Replayed:
                 split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
         return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
 
-    def _log_odds_by_reflectance(self, effects: tuple[Effect, ...], shot: Shot, memo: ExpectationMemo) -> np.ndarray:
+    def _log_odds(self, effects: tuple[Effect, ...], shot: Shot, seen: np.ndarray, memo: ExpectationMemo) -> np.ndarray:
         """As `Expected.log_odds_by_reflectance`; the same for all deflections of the beams: they change it little."""
         key = tuple(effect for effect in _detecting(effects) if not isinstance(effect, BeamEffect))
         slope = next((slope for detecting, slope in self._slopes if detecting == key), None)
         if slope is None:
-            slope = _log_odds_by_reflectance(effects, shot, self.twin_sigmas, memo)
+            slope = _log_odds_by_reflectance(effects, shot, seen, self.twin_sigmas, memo)
             self._slopes = [*self._slopes, (key, slope)][-self.ways :]
         return slope
 
@@ -419,18 +419,28 @@ def _detecting(effects: Sequence[Effect]) -> tuple[Effect, ...]:
 
 
 def _log_odds_by_reflectance(
-    effects: tuple[Effect, ...], shot: Shot, twin_sigmas: tuple[np.ndarray, np.ndarray], memo: ExpectationMemo | None
+    effects: tuple[Effect, ...],
+    shot: Shot,
+    seen: np.ndarray,
+    twin_sigmas: tuple[np.ndarray, np.ndarray],
+    memo: ExpectationMemo | None = None,
 ) -> np.ndarray:
-    """Derivative (n,) of the log-odds of a return with respect to the relative reflectance, by a finite difference."""
-    slope, detecting = np.zeros(len(shot.rays)), _detecting(effects)
+    """Derivative (n,) of the log-odds of a return with respect to the relative reflectance, by a finite difference.
+
+    Args:
+        effects, shot: as of `expect`.
+        seen: (n,) probability of a return with these reflectances.
+        twin_sigmas, memo: as of `expect`.
+    """
+    slope = np.zeros(len(shot.rays))
     if not any(isinstance(effect, EchoEffect) for effect in effects):
         return slope
     noiseless = shot.noiseless
-    usual, darker = (expect(detecting, shot, twin_sigmas, factor, memo).seen for factor in (1.0, 1 - _REFLECTANCE_STEP))
+    darker = expect(_detecting(effects), shot, twin_sigmas, 1 - _REFLECTANCE_STEP, memo).seen
     shot.noiseless = noiseless
-    least = np.minimum(usual, darker), 1 - np.maximum(usual, darker)
+    least = np.minimum(seen, darker), 1 - np.maximum(seen, darker)
     rows = np.flatnonzero(np.minimum(*least) > _LEAST_CHANCE)
-    slope[rows] = (special.logit(usual[rows]) - special.logit(darker[rows])) / _REFLECTANCE_STEP
+    slope[rows] = (special.logit(seen[rows]) - special.logit(darker[rows])) / _REFLECTANCE_STEP
     return slope
 
 
