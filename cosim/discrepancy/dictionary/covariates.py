@@ -244,10 +244,15 @@ def _numbers(
 def _of_neighbours(sample: Sample) -> tuple[str, ...]:
     """Names of the measurements of neighbouring beams that can be used as covariates.
 
-    Neighbours hit the same surfaces: if range or reflectance of the twin is uncertain, they share its error.
+    Neighbours hit the same surfaces: if range or reflectance of the twin is uncertain, they share its error. The map of
+    a recording has one reflectance for each surface, while that of the real surface varies from place to place.
     """
-    twin_sigma_m, twin_sigma_intensity = np.any(sample.twin_sigma_m > 0), np.any(sample.twin_sigma_intensity > 0)
-    return tuple(name for name in BESIDE if not (twin_sigma_intensity if name.endswith("_intensity") else twin_sigma_m))
+    uncertain = {
+        "intensity": sample.of_own_map or bool(np.any(sample.twin_sigma_intensity > 0)),
+        "range": bool(np.any(sample.twin_sigma_m > 0)),
+    }
+    uncertain["lost"] = uncertain["range"]
+    return tuple(name for name in BESIDE if not uncertain[name.partition("_")[2]])
 
 
 def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.inference.likelihood import residuals_of
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -95,3 +96,13 @@ def test_as_many_losses_as_returns_are_left_out_where_something_unmapped_stops_b
 
     assert most_likely(here) > LOST
     assert most_likely(replace(here, unmapped=np.full(len(here), 0.5))) == LOST
+
+
+def test_intensities_of_neighbours_share_the_errors_of_a_map(predicted: tuple[Sample, Prediction]) -> None:
+    sample, expected = predicted
+    twin = replace(sample, twin_sigma_m=sample.twin_sigma_m * 0, twin_sigma_intensity=sample.twin_sigma_intensity * 0)
+    for of_own_map in (False, True):
+        covariates = sample_covariates(replace(twin, of_own_map=of_own_map), expected, ())
+        names = {covariate.name for covariate in covariates}
+        assert ("previous_intensity" in names) is not of_own_map
+        assert "previous_range" in names
