@@ -20,6 +20,8 @@ from cosim.discrepancy.unknown.curve import Curve
 def curve_of(linearisation: Linearisation, term: Term, sectors: int) -> Curve | None:
     """The curve of a selected term; None for phases that differ from scan to scan, which no formula predicts.
 
+    Also None for a dependence of which no value has a standard error, because its fit uses no information.
+
     Args:
         linearisation: about the model with the term.
         term: a dependence or a shared error.
@@ -32,6 +34,8 @@ def curve_of(linearisation: Linearisation, term: Term, sectors: int) -> Curve | 
         return None
     dependence = next(one for one in linearisation.fitted.dependences if one.basis is group.basis)
     y, sigma = dependence.coefficients, standard_errors(linearisation, dependence, sectors)
+    if not np.any(np.isfinite(y) & np.isfinite(sigma)):
+        return None
     if group.frequency_hz:
         start = float(linearisation.sample.scan_values["time_s"].min())
         return Curve(
