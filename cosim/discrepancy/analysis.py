@@ -98,14 +98,18 @@ def context_of(
 ) -> Context:
     """The context of an analysis; arguments as of `diagnose`."""
     model = sensor if isinstance(sensor, SensorModel) else load_sensor(sensor)
-    if frames is None:
-        split = split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
-    else:
-        split = split_frames(tuple(frames), settings=settings.sampling)
+    split = split_for(drive, model, frames, settings)
     types = candidates_for(drive, model, len(split.fit), settings, extra)
     tracer = FrameTracer(drive, model, settings)
     solve_reflectances(tracer, (*split.fit, *split.test))
     return Context(model, tracer, split, types, settings, seed, on_progress, tuple(refitted))
+
+
+def split_for(drive: Drive, model: SensorModel, frames: Sequence[str] | None, settings: Settings) -> Split:
+    """Frames to fit and held-out frames, of the given ones or of the whole drive."""
+    if frames is None:
+        return split_drive(drive, model.pattern.rings * model.pattern.firings, settings.sampling)
+    return split_frames(tuple(frames), settings=settings.sampling)
 
 
 def candidates_for(
@@ -172,11 +176,15 @@ def trace_and_fit(
     raise AssertionError("the last round returns")
 
 
-def fit_held_out(context: Context, effects: Sequence[Effect], warm_start: FittedFrames | None = None) -> FittedFrames:
-    """Trace the held-out frames and fit nothing but their nuisance parameters."""
+def fit_held_out(
+    context: Context,
+    effects: Sequence[Effect],
+    warm_start: FittedFrames | None = None,
+    traced: Sequence[TracedFrame] | None = None,
+) -> FittedFrames:
+    """Trace the held-out frames and fit nothing but their nuisance parameters; see `trace_and_fit`."""
     rows = context.settings.held_out_rows
-    names = context.split.test
-    return trace_and_fit(context, names, effects, sample_size=rows, warm_start=warm_start)
+    return trace_and_fit(context, context.split.test, effects, sample_size=rows, warm_start=warm_start, traced=traced)
 
 
 def fit_random_effects(on: FittedFrames, effects: Sequence[Effect], estimate: Estimate | None = None) -> Fitted:

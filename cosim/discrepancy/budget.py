@@ -388,6 +388,13 @@ class Budget:
         """Whether the final model has effects that are not in the initial one."""
         return len(self.steps) > 1
 
+    def scaled_to(self, error: float) -> dict[str, float]:
+        """The parts of the error of more frames: the same noise, and the same shares of what exceeds it."""
+        noise = min(self.parts["noise"], error)
+        excess = self.error - self.parts["noise"]
+        scale = (error - noise) / excess if excess > 0 else 0.0
+        return {name: noise if name == "noise" else scale * value for name, value in self.parts.items()}
+
     def is_raised(self, share: float, level: float) -> bool:
         """Whether the findings raise the aligned error by more than a share, and significantly."""
         return self.has_findings and self.aligned_steps[0].rises_to(self.aligned_steps[-1], share, level)

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.analysis import Context, FittedFrames, candidates_for, trace_and_fit
+from cosim.discrepancy.analysis import Context, candidates_for, split_for, trace_and_fit
 from cosim.discrepancy.budget import AS_GIVEN, Budget, FramePairs, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
-from cosim.discrepancy.diagnose import convert_terms, drop_insignificant, select
 from cosim.discrepancy.forward.reflectances import solve_reflectances
+from cosim.discrepancy.missing import find_missing
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
 from cosim.discrepancy.selection.refit import FittedModel
@@ -29,7 +29,6 @@ from cosim.variants.worth import Worth
 from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import expect
-from sensors.effects.lasers import with_rings
 from sensors.sensor_model import SensorModel, load_sensor
 
 _RANGES_M = (0, 10, 20, 30, 45, 60, 80, 1000)
@@ -188,10 +187,7 @@ class Comparison:
     @property
     def parts(self) -> dict[str, float]:
         """Sources of the error, which add up to it; empty if not requested."""
-        if self.budget is None:
-            return {}
-        scale = self.error / self.budget.error if self.budget.error > 0 else 1.0  # frames were sampled for it
-        return {name: scale * value for name, value in self.budget.parts.items()}
+        return {} if self.budget is None else self.budget.scaled_to(self.error)
 
     @property
     def error_aligned(self) -> float | None:
@@ -296,8 +292,10 @@ def compare(
     exchanged, early = _exclude_exchanged(tracer, names, effects)
     by_frame: dict[str, Totals] = {}
     kept: dict[str, FrameScores] = {}
-    chosen = set(names[:: -(-len(names) // settings.most_aligned)]) if budget and names else set()
-    aligned: list[TracedFrame] = []
+    split = Split((), ())
+    if budget and names:
+        split = split_for(drive, model, frames, settings).thinned(settings.most_aligned)
+    aligned: dict[str, TracedFrame] = {}
     tally, floor = SliceTally(), []
     for number, name in enumerate(names):
         traced = early.pop(name, None) or tracer.trace(name, bending(effects))
@@ -308,14 +306,14 @@ def compare(
         tally.add(traced, scores)
         if keep:
             kept[name] = scores
-        if name in chosen:
-            aligned.append(traced)
+        if name in {*split.fit, *split.test}:
+            aligned[name] = traced
         expected = expect(effects, traced.shot)
         floor.append(estimate_floor(NeighbourPairs.of(traced, scores, expected), scores, expected))
         if on_frame is not None:
             on_frame(traced, scores)
     total = sum(by_frame.values(), Totals())
-    made_of, frame_pairs = _budget(tracer, model, effects, aligned, seed)
+    made_of, frame_pairs = _budget(tracer, model, split, aligned, seed)
     return Comparison(
         drive=str(drive.root),
         sensor=model.origin,
@@ -352,26 +350,40 @@ def _exclude_exchanged(
 
 
 def _budget(
-    tracer: FrameTracer, model: SensorModel, effects: Sequence[Effect], frames: Sequence[TracedFrame], seed: int
+    tracer: FrameTracer,
+    model: SensorModel,
+    split: Split,
+    traced: Mapping[str, TracedFrame],
+    seed: int,
 ) -> tuple[Budget | None, FramePairs | None]:
-    """Sources of the error of some frames, and these frames; None where nothing can be compared.
+    """Sources of the error of held-out frames, and these frames; None where nothing can be compared.
 
-    What is missing is estimated as `diagnose` does, with fewer beams and terms.
+    What is missing is estimated as `diagnose` does, from the same frames, with fewer beams and terms.
+
+    Args:
+        tracer: of the drive.
+        model: sensor that is compared.
+        split: frames to fit, and held-out frames.
+        traced: these frames by name, traced for the sensor.
+        seed: of samples, signs and folds.
     """
-    if not frames or not any((one.observed.returned & one.observed.trusted).any() for one in frames):
+    fit_frames, test_frames = ([traced[name] for name in names] for names in (split.fit, split.test))
+    if not any((one.observed.returned & one.observed.trusted).any() for one in fit_frames):
         return None, None
-    names = tuple(one.name for one in frames)
     settings = tracer.settings
     by = replace(settings.selection, steps=settings.compare_steps)
     few = replace(settings, rows=settings.compare_rows, selection=by)
-    types = candidates_for(tracer.drive, model, len(names), settings)
-    context = Context(model, tracer, Split(names, names), types, few, seed, _LOG.debug)
-    own = with_rings(effects, model.pattern.rings)
-    on = trace_and_fit(context, names, own, traced=tuple(frames))
-    _, _, selected = select(context, FittedModel(on.frames, on.fitter, on.fitted))
-    selected, findings, _ = convert_terms(context, selected)
-    selected, _ = drop_insignificant(context, selected, findings)
-    final = selected.fitted.effects
-    on = FittedFrames(names, selected.frames, selected.fitter, selected.fitted)
-    budget, frame_pairs = budget_of(context, on, [own] if final == own else [own, final])
+    types = candidates_for(tracer.drive, model, len(split.fit), settings)
+    context = Context(model, tracer, split, types, few, seed, _LOG.debug)
+    own = context.initial_effects
+    on = trace_and_fit(context, split.fit, own, traced=fit_frames)
+    initial = FittedModel(on.frames, on.fitter, on.fitted)
+    missing = find_missing(context, initial)
+    final = missing.model.fitted.effects
+    is_same = context.bending(final) == context.bending(own)
+    held_out = missing.held_out(context, test_frames if is_same else None)
+    budget, frame_pairs = budget_of(context, held_out, [own] if final == own else [own, final])
+    if missing.is_contradicted(budget, context):
+        held_out = missing.without_findings(initial).held_out(context, test_frames)
+        budget, frame_pairs = budget_of(context, held_out, [own])
     return budget, replace(frame_pairs, before_removed=AS_GIVEN)

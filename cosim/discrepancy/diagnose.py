@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -19,51 +18,28 @@ from cosim.discrepancy.analysis import (
     Context,
     FittedFrames,
     context_of,
-    fit_held_out,
-    is_accurate,
     trace_and_fit,
 )
 from cosim.discrepancy.budget import ALIGNED, Budget, FramePairs, budget_of
-from cosim.discrepancy.candidates import switches
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
-from cosim.discrepancy.dictionary.effects import effect_groups
-from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.lattices import find_lattices
-from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.evidence_matrix import evidence_matrix
-from cosim.discrepancy.inference.dependence import SPURIOUS
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.inference.parameters import all_free
-from cosim.discrepancy.selection.curves import curve_of
+from cosim.discrepancy.missing import FoundTerm, Missing, find_missing
 from cosim.discrepancy.selection.evidence import SelectionEvidence
-from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
-from cosim.discrepancy.selection.search import select_terms
+from cosim.discrepancy.selection.refit import FittedModel, Term
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained, remaining
-from cosim.discrepancy.unknown.effect import UnknownEffect
-from cosim.discrepancy.unknown.effect_class import effect_of
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
-from sensors.effects.base import BeamEffect, Effect, LabelEffect
+from sensors.effects.base import Effect, LabelEffect
 from sensors.effects.lasers import as_known
 from sensors.sensor_model import SensorModel
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class _Finding:
-    """A term in reported form: an effect of the catalogue, a plug-in, or a property of the file."""
-
-    name: str
-    p_value: float
-    alternatives: tuple[str, ...] = ()
-    unknown: UnknownEffect | None = None
-    term: str = ""
-    interval: dict[str, list[float]] | None = None
 
 
 def diagnose(
@@ -101,31 +77,12 @@ def diagnose(
     on, exchanged = check_wiring(context, fit_nuisances(context))
     on, facts = add_lattices(context, on)
     model = FittedModel(on.frames, on.fitter, on.fitted, _initially_free(context))
-    first, last, selected = select(context, model)
-    selected, findings, phases = convert_terms(context, selected)
-    selected, findings = drop_insignificant(context, selected, findings)
-    diagnosis = conclude(context, selected, (*facts, *findings), phases, exchanged, first, last)
-    changes_map = selected.fitter.sample.of_own_map and _moves_points(selected, findings)
-    if findings and not changes_map and _is_contradicted(diagnosis):
+    missing = find_missing(context, model)
+    diagnosis = conclude(context, missing, facts, exchanged)
+    if missing.is_contradicted(diagnosis.budget, context):
         context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
-        diagnosis = conclude(context, model, facts, (), exchanged, first, first)
+        diagnosis = conclude(context, missing.without_findings(model), facts, exchanged)
     return add_labels(diagnosis, measured)
-
-
-def _is_contradicted(diagnosis: Diagnosis) -> bool:
-    """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
-
-    A map of the drive's own scans was made with the initial effects: only a map made again with the findings can
-    contradict those that move points.
-    """
-    return diagnosis.budget.is_raised(diagnosis.settings.at_floor, diagnosis.settings.level)
-
-
-def _moves_points(model: FittedModel, findings: Sequence[_Finding]) -> bool:
-    """Whether any finding changes where points lie."""
-    found = {one.name for one in findings}
-    moving = (effect for effect in model.fitted.effects if isinstance(effect, BeamEffect) or effect.channel == "range")
-    return any(effect.name in found for effect in moving)
 
 
 def fit_nuisances(context: Context) -> FittedFrames:
@@ -147,162 +104,34 @@ def check_wiring(context: Context, on: FittedFrames) -> tuple[FittedFrames, tupl
     return trace_and_fit(context, context.split.fit, context.initial_effects, _initially_free(context)), exchanged
 
 
-def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[_Finding, ...]]:
+def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[FoundTerm, ...]]:
     """Add the steps of which measured values are multiples and the model's are not: facts of the file."""
     rng, findings = np.random.default_rng([context.seed, 3]), []
     for lattice in find_lattices(on.fitter, on.fitted, context.candidates, rng):
         others = tuple(effect for effect in on.fitted.effects if effect.name != lattice.effect.name)
         on = replace(on, fitted=on.fitter.fit((*others, lattice.effect), (), on.fitted.estimate, steps=3))
         p_value = 1 / context.settings.selection.draws
-        findings.append(_Finding(lattice.effect.name, p_value, interval=lattice.interval))
+        findings.append(FoundTerm(lattice.effect.name, p_value, interval=lattice.interval))
     return on, tuple(findings)
 
 
-def select(context: Context, model: FittedModel) -> tuple[SelectionEvidence, SelectionEvidence, FittedModel]:
-    """Select terms; the evidence about the model before and after, and the model with its terms."""
-    first: list[SelectionEvidence] = []
-
-    def tangents(linearisation: Linearisation, current: FittedModel) -> list[Group]:
-        return effect_groups(linearisation, context.candidates, (), current.free)
-
-    model, last = select_terms(
-        model, tangents, context.initial_effects, context.settings, context.seed,
-        lambda current: retrace(context, current), context.on_progress, first.append,
-    )  # fmt: skip
-    return first[0], last, model
-
-
-def retrace(context: Context, model: FittedModel) -> FittedModel:
-    """Trace the frames again where the effects bend beams too far from where they were traced, and fit again."""
-    if is_accurate(model.fitter, model.fitted.effects):
-        return model
-    context.on_progress("tracing bent beams again")
-    on = trace_and_fit(context, context.split.fit, model.fitted.effects, model.free)
-    return rebuild(model, on)
-
-
-def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tuple[_Finding, ...], tuple[Term, ...]]:
-    """Turn dependences into plug-ins, and fit their parameters together with everything else.
-
-    Returns:
-        The model without dependences; the findings, in order; and terms that no formula predicts.
-    """
-    linearisation = linearise(model.fitter, model.fitted, model.frames)
-    effects, free = model.fitted.effects, model.free
-    findings, phases = list[_Finding](), list[Term]()
-    for term in model.terms:
-        names = term.alternatives
-        if term.group.is_effect:
-            findings.append(_Finding(term.group.effect_name, term.p_value, names))
-            continue
-        curve = curve_of(linearisation, term, context.settings.selection.sectors)
-        if curve is None or any(effect.name == curve.name for effect in effects):
-            phases.append(term)
-            continue
-        unknown = UnknownEffect.of(curve)
-        if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their most likely size already
-            free = (*free, len(effects))
-        effects = (*effects, effect_of(unknown))
-        findings.append(_Finding(unknown.name, term.p_value, names, unknown, term.group.name))
-    if effects == model.fitted.effects and not model.fitted.dependences:
-        return model, tuple(findings), tuple(phases)
-    context.on_progress("fitting formulas")
-    fitter = model.fitter
-    fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
-    converted = replace(model, fitted=fitted, free=free)
-    if not is_accurate(fitter, fitted.effects):
-        on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
-        converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
-    return _without_idle(context, converted, findings, phases)
-
-
-def _without_idle(
-    context: Context, model: FittedModel, findings: Sequence[_Finding], phases: Sequence[Term]
-) -> tuple[FittedModel, tuple[_Finding, ...], tuple[Term, ...]]:
-    """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
-    fitted, fitter = model.fitted, model.fitter
-    loss = fitter.loss(fitted.estimate)
-    terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
-    idle, listed = set[str](), list(phases)
-    for one in findings:
-        if one.unknown is None or one.unknown.curve.is_shared:
-            continue
-        rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
-        if loss(rest) - loss(fitted.effects) < context.settings.selection.least_follower:
-            idle.add(one.name)
-            listed.append(terms[one.term])
-    if not idle:
-        return model, tuple(findings), tuple(phases)
-    effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
-    names = {fitted.effects[index].name for index in model.free} - idle
-    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
-    refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
-    kept = tuple(one for one in findings if one.name not in idle)
-    return replace(model, fitted=refitted, free=free), kept, tuple(listed)
-
-
-def drop_insignificant(
-    context: Context, model: FittedModel, findings: Sequence[_Finding]
-) -> tuple[FittedModel, tuple[_Finding, ...]]:
-    """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
-
-    No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
-    """
-    initial = context.initial_effects
-    ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
-    idle = {
-        one.name
-        for one in findings
-        if one.unknown is None
-        and one.interval is None
-        and _is_unchanged(model, one.name, ci95.get(one.name, {}), initial)
-    }
-    if not idle:
-        return model, tuple(findings)
-    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no change")
-    names = {model.fitted.effects[index].name for index in model.free} - idle
-    effects = tuple(
-        effect if effect.name not in idle else initial[index]
-        for index, effect in enumerate(model.fitted.effects)
-        if effect.name not in idle or index < len(initial)
-    )
-    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
-    fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
-    return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
-
-
-def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: Sequence[Effect]) -> bool:
-    """Whether the intervals of all parameters that switch an effect on include their neutral or given values."""
-    index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
-    kind = type(model.fitted.effects[index])
-    sizes = [parameter for parameter in switches(kind) if parameter in ci95]
-    if not sizes or kind.neutral is None:
-        return False
-    reference = initial[index].model_dump() if index < len(initial) else kind.neutral
-    pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
-    values = {parameter: np.ravel(np.asarray(reference[parameter], float)) for parameter in sizes}
-    return all(
-        bool(np.all((pair[:, 0] <= values[parameter]) & (values[parameter] <= pair[:, 1])))
-        for parameter, pair in pairs.items()
-    )
-
-
 def conclude(
-    context: Context,
-    model: FittedModel,
-    findings: Sequence[_Finding],
-    phases: Sequence[Term],
-    exchanged: Sequence[Exchange],
-    first: SelectionEvidence,
-    last: SelectionEvidence,
+    context: Context, missing: Missing, facts: Sequence[FoundTerm], exchanged: Sequence[Exchange]
 ) -> Diagnosis:
-    """Errors and their budget on held-out frames, intervals, and everything that remains."""
+    """Errors and their budget on held-out frames, intervals, and everything that remains.
+
+    Args:
+        context: of the analysis.
+        missing: what the sensor is missing.
+        facts: findings about the file, which come before the others.
+        exchanged: lasers that are exchanged with others.
+    """
     context.on_progress("measuring errors on held-out frames")
-    fitted = model.fitted
+    model, first, last = missing.model, missing.first, missing.last
+    fitted, findings = model.fitted, (*facts, *missing.findings)
     ci95 = intervals(model.fitter, fitted) if fitted.free else {}
     on = FittedFrames(context.split.fit, model.frames, model.fitter, fitted)
-    held_out = fit_held_out(context, fitted.effects) if context.split.is_held_out else on
-    budget, frame_pairs = budget_of(context, held_out, _steps(context, fitted.effects, findings))
+    budget, frame_pairs = budget_of(context, missing.held_out(context), _steps(context, fitted.effects, findings))
     needed = _needed(context, frame_pairs, budget, fitted.effects, findings)
     effects, unknowns = [], []
     for number, one in enumerate(findings):
@@ -319,7 +148,7 @@ def conclude(
         effects=tuple(effects),
         ranking=_ranking(first),
         unknowns=tuple(unknowns),
-        unexplained=(*_wiring(exchanged), *_unexplained(context, model, phases, last)),
+        unexplained=(*_wiring(exchanged), *_unexplained(context, model, missing.phases, last)),
         either_or=sets,
         evidence=evidence_matrix(first, last),
         smallest_detectable=_smallest(last, context.settings),
@@ -366,7 +195,7 @@ def _catalogue(context: Context) -> set[str]:
 
 
 def _steps(
-    context: Context, effects: tuple[Effect, ...], findings: Sequence[_Finding], left_out: str = ""
+    context: Context, effects: tuple[Effect, ...], findings: Sequence[FoundTerm], left_out: str = ""
 ) -> list[tuple[Effect, ...]]:
     """The model after each finding, with the final values of those found so far, and without `left_out`."""
     initial = context.initial_effects
@@ -387,7 +216,7 @@ def _needed(
     frame_pairs: FramePairs,
     budget: Budget,
     effects: tuple[Effect, ...],
-    findings: Sequence[_Finding],
+    findings: Sequence[FoundTerm],
 ) -> frozenset[str]:
     """Names of findings after which the error rises, but without which the error of all together is higher.
 

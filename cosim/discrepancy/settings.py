@@ -250,7 +250,7 @@ class Settings:
     at_floor: float = 0.05  # relative excess of an aligned error that counts as at its floor: alignment is never exact
     compare_rows: int = 12_000  # beams per sample in `compare`, which estimates the missing part,
     compare_steps: int = 2  # and the maximum number of terms there
-    most_aligned: int = 12  # maximum number of frames for the attribution of the error in `compare`
+    most_aligned: int = 12  # maximum number of frames to fit, and of held-out frames, for the budget in `compare`
     beams: BeamSampling = field(default_factory=BeamSampling)
     sampling: Sampling = field(default_factory=Sampling)
     likelihood: LikelihoodConstants = field(default_factory=LikelihoodConstants)

@@ -103,12 +103,18 @@ def _errors(diagnosis: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str
 
 
 def _budgets(diagnosis: Mapping[str, Any], compare: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Largest difference between both budgets, and the missing part in `compare` over what `diagnose` explains."""
+    """Largest difference between both budgets, and the missing part in `compare` over what `diagnose` explains.
+
+    `diagnose` has the error of held-out frames only: its sources are scaled to what exceeds the noise in all frames.
+    """
     first, second = diagnosis.get("budget"), (compare or {}).get("budget")
     if not first or not second or not compare:
         return {}
     error = compare["error"]
-    apart = {name: abs((first.get(name) or 0.0) - (second.get(name) or 0.0)) / error for name in {*first, *second}}
+    excess = [sum(value or 0.0 for name, value in parts.items() if name != "noise") for parts in (first, second)]
+    scale = excess[1] / excess[0] if excess[0] > 0 else 0.0
+    sources = {*first, *second} - {"noise"}
+    apart = {name: abs(scale * (first.get(name) or 0.0) - (second.get(name) or 0.0)) / error for name in sources}
     row: dict[str, Any] = {"budgets_apart": max(apart.values()), "budgets_agree": max(apart.values()) <= 0.1}
     explained = diagnosis["error_before"] - diagnosis["error_after"]
     if explained > _LEAST_EXPLAINED * error:

@@ -145,6 +145,8 @@ def test_budgets_of_both_commands_are_compared() -> None:
     row = score(_case(), answer)
     assert row["budgets_apart"] == pytest.approx(0.15) and not row["budgets_agree"]
     assert row["missing_share"] == pytest.approx(0.4 / 0.5)
+    answer["compare"]["json"]["budget"] = {name: 3 * value for name, value in budget.items()} | {"noise": 1.0}
+    assert score(_case(), answer)["budgets_agree"], "other frames, with the same sources of a larger error"
 
 
 def test_a_table_takes_versions_with_and_without_the_new_lists(capsys: pytest.CaptureFixture[str]) -> None:

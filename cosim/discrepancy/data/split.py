@@ -32,6 +32,10 @@ class Split:
         """Whether the test frames are not used for fitting."""
         return not set(self.fit) & set(self.test)
 
+    def thinned(self, most: int) -> Split:
+        """At most `most` evenly spaced frames of each part."""
+        return Split(_select_evenly(self.fit, most), _select_evenly(self.test, most))
+
 
 def split_drive(drive: Drive, beams: int, settings: Sampling = DEFAULT.sampling) -> Split:
     """Split a drive's frames; frames without ranges to the ground are split separately in the same proportion.

@@ -1,0 +1,229 @@
+"""What a sensor model is missing: terms of the dictionary, and the plug-ins that are made of them.
+
+Both `compare` and `diagnose` use it, on the same frames, so that they do not contradict each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cosim.discrepancy.analysis import Context, FittedFrames, fit_held_out, is_accurate, trace_and_fit
+from cosim.discrepancy.budget import Budget
+from cosim.discrepancy.candidates import switches
+from cosim.discrepancy.data.frames import TracedFrame
+from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
+from cosim.discrepancy.inference.dependence import SPURIOUS
+from cosim.discrepancy.inference.intervals import intervals
+from cosim.discrepancy.inference.parameters import all_free
+from cosim.discrepancy.selection.curves import curve_of
+from cosim.discrepancy.selection.evidence import SelectionEvidence
+from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
+from cosim.discrepancy.selection.search import select_terms
+from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.unknown.effect_class import effect_of
+from sensors.effects.base import BeamEffect, Effect
+
+
+@dataclass(frozen=True, eq=False)
+class FoundTerm:
+    """A term in reported form: an effect of the catalogue, a plug-in, or a property of the file."""
+
+    name: str
+    p_value: float
+    alternatives: tuple[str, ...] = ()
+    unknown: UnknownEffect | None = None
+    term: str = ""
+    interval: dict[str, list[float]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """Terms that a model is missing on the frames to fit.
+
+    Attributes:
+        model: with the terms.
+        findings: effects and plug-ins, in the order in which they were added.
+        phases: dependences that no formula predicts.
+        first, last: evidence about the model before and after.
+    """
+
+    model: FittedModel
+    findings: tuple[FoundTerm, ...]
+    phases: tuple[Term, ...]
+    first: SelectionEvidence
+    last: SelectionEvidence
+
+    def is_contradicted(self, budget: Budget, context: Context) -> bool:
+        """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
+
+        A map of the drive's own scans was made with the initial effects: only a map made again with the findings can
+        contradict those that move points.
+
+        Args:
+            budget: of the held-out frames, with the findings.
+            context: of the analysis.
+        """
+        if not self.findings or (self.model.fitter.sample.of_own_map and self._moves_points):
+            return False
+        return budget.is_raised(context.settings.at_floor, context.settings.level)
+
+    @property
+    def _moves_points(self) -> bool:
+        """Whether any finding changes where points lie."""
+        found, effects = {one.name for one in self.findings}, self.model.fitted.effects
+        moving = (effect for effect in effects if isinstance(effect, BeamEffect) or effect.channel == "range")
+        return any(effect.name in found for effect in moving)
+
+    def without_findings(self, model: FittedModel) -> Missing:
+        """Nothing missing: the model before the search, with everything significant unexplained."""
+        return replace(self, model=model, findings=(), phases=(), last=self.first)
+
+    def held_out(self, context: Context, traced: Sequence[TracedFrame] | None = None) -> FittedFrames:
+        """The held-out frames, to which only nuisance parameters are fitted; the others if none is held out."""
+        fitted = self.model.fitted
+        if not context.split.is_held_out:
+            return FittedFrames(context.split.fit, self.model.frames, self.model.fitter, fitted)
+        return fit_held_out(context, fitted.effects, traced=traced)
+
+
+def find_missing(context: Context, model: FittedModel) -> Missing:
+    """Select terms, turn them into effects, and drop those whose intervals include no change."""
+    first, last, selected = select(context, model)
+    selected, findings, phases = convert_terms(context, selected)
+    selected, findings = drop_insignificant(context, selected, findings)
+    return Missing(selected, findings, phases, first, last)
+
+
+def select(context: Context, model: FittedModel) -> tuple[SelectionEvidence, SelectionEvidence, FittedModel]:
+    """Select terms; the evidence about the model before and after, and the model with its terms."""
+    first: list[SelectionEvidence] = []
+
+    def tangents(linearisation: Linearisation, current: FittedModel) -> list[Group]:
+        return effect_groups(linearisation, context.candidates, (), current.free)
+
+    model, last = select_terms(
+        model, tangents, context.initial_effects, context.settings, context.seed,
+        lambda current: retrace(context, current), context.on_progress, first.append,
+    )  # fmt: skip
+    return first[0], last, model
+
+
+def retrace(context: Context, model: FittedModel) -> FittedModel:
+    """Trace the frames again where the effects bend beams too far from where they were traced, and fit again."""
+    if is_accurate(model.fitter, model.fitted.effects):
+        return model
+    context.on_progress("tracing bent beams again")
+    on = trace_and_fit(context, context.split.fit, model.fitted.effects, model.free)
+    return rebuild(model, on)
+
+
+def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tuple[FoundTerm, ...], tuple[Term, ...]]:
+    """Turn dependences into plug-ins, and fit their parameters together with everything else.
+
+    Returns:
+        The model without dependences; the findings, in order; and terms that no formula predicts.
+    """
+    linearisation = linearise(model.fitter, model.fitted, model.frames)
+    effects, free = model.fitted.effects, model.free
+    findings, phases = list[FoundTerm](), list[Term]()
+    for term in model.terms:
+        names = term.alternatives
+        if term.group.is_effect:
+            findings.append(FoundTerm(term.group.effect_name, term.p_value, names))
+            continue
+        curve = curve_of(linearisation, term, context.settings.selection.sectors)
+        if curve is None or any(effect.name == curve.name for effect in effects):
+            phases.append(term)
+            continue
+        unknown = UnknownEffect.of(curve)
+        if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their most likely size already
+            free = (*free, len(effects))
+        effects = (*effects, effect_of(unknown))
+        findings.append(FoundTerm(unknown.name, term.p_value, names, unknown, term.group.name))
+    if effects == model.fitted.effects and not model.fitted.dependences:
+        return model, tuple(findings), tuple(phases)
+    context.on_progress("fitting formulas")
+    fitter = model.fitter
+    fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
+    converted = replace(model, fitted=fitted, free=free)
+    if not is_accurate(fitter, fitted.effects):
+        on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
+        converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
+    return _without_idle(context, converted, findings, phases)
+
+
+def _without_idle(
+    context: Context, model: FittedModel, findings: Sequence[FoundTerm], phases: Sequence[Term]
+) -> tuple[FittedModel, tuple[FoundTerm, ...], tuple[Term, ...]]:
+    """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
+    fitted, fitter = model.fitted, model.fitter
+    loss = fitter.loss(fitted.estimate)
+    terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
+    idle, listed = set[str](), list(phases)
+    for one in findings:
+        if one.unknown is None or one.unknown.curve.is_shared:
+            continue
+        rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
+        if loss(rest) - loss(fitted.effects) < context.settings.selection.least_follower:
+            idle.add(one.name)
+            listed.append(terms[one.term])
+    if not idle:
+        return model, tuple(findings), tuple(phases)
+    effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
+    names = {fitted.effects[index].name for index in model.free} - idle
+    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
+    refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
+    kept = tuple(one for one in findings if one.name not in idle)
+    return replace(model, fitted=refitted, free=free), kept, tuple(listed)
+
+
+def drop_insignificant(
+    context: Context, model: FittedModel, findings: Sequence[FoundTerm]
+) -> tuple[FittedModel, tuple[FoundTerm, ...]]:
+    """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
+
+    No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
+    """
+    initial = context.initial_effects
+    ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
+    idle = {
+        one.name
+        for one in findings
+        if one.unknown is None
+        and one.interval is None
+        and _is_unchanged(model, one.name, ci95.get(one.name, {}), initial)
+    }
+    if not idle:
+        return model, tuple(findings)
+    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no change")
+    names = {model.fitted.effects[index].name for index in model.free} - idle
+    effects = tuple(
+        effect if effect.name not in idle else initial[index]
+        for index, effect in enumerate(model.fitted.effects)
+        if effect.name not in idle or index < len(initial)
+    )
+    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
+    fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
+    return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
+
+
+def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: Sequence[Effect]) -> bool:
+    """Whether the intervals of all parameters that switch an effect on include their neutral or given values."""
+    index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
+    kind = type(model.fitted.effects[index])
+    sizes = [parameter for parameter in switches(kind) if parameter in ci95]
+    if not sizes or kind.neutral is None:
+        return False
+    reference = initial[index].model_dump() if index < len(initial) else kind.neutral
+    pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
+    values = {parameter: np.ravel(np.asarray(reference[parameter], float)) for parameter in sizes}
+    return all(
+        bool(np.all((pair[:, 0] <= values[parameter]) & (values[parameter] <= pair[:, 1])))
+        for parameter, pair in pairs.items()
+    )
