@@ -59,6 +59,25 @@ def switches(kind: type[Effect]) -> tuple[str, ...]:
     )
 
 
+def is_unchanged(kind: type[Effect], ci95: Mapping[str, Any], reference: Mapping[str, Any] | None) -> bool:
+    """Whether the intervals of all parameters that switch an effect on include the values of `reference`.
+
+    Args:
+        kind: of the effect.
+        ci95: intervals by parameter: (2,), or (n, 2) of a list.
+        reference: values by parameter, or None for an effect that has no neutral ones.
+    """
+    sizes = [parameter for parameter in switches(kind) if parameter in ci95]
+    if not sizes or reference is None:
+        return False
+    pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
+    values = {parameter: np.ravel(np.asarray(reference[parameter], float)) for parameter in sizes}
+    return all(
+        bool(np.all((pair[:, 0] <= values[parameter]) & (values[parameter] <= pair[:, 1])))
+        for parameter, pair in pairs.items()
+    )
+
+
 def amplitudes(kind: type[Effect]) -> tuple[str, ...]:
     """The switches whose derivative is tested; values of others are tried one by one (`shapes`)."""
     shaped = {name for shape in kind.shapes for name in shape}

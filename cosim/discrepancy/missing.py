@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from cosim.discrepancy.analysis import Context, FittedFrames, fit_held_out, is_accurate, trace_and_fit
 from cosim.discrepancy.budget import Budget
-from cosim.discrepancy.candidates import switches
+from cosim.discrepancy.candidates import is_unchanged
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.groups import Group
@@ -217,13 +215,6 @@ def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: 
     """Whether the intervals of all parameters that switch an effect on include their neutral or given values."""
     index = next(i for i, effect in enumerate(model.fitted.effects) if effect.name == name)
     kind = type(model.fitted.effects[index])
-    sizes = [parameter for parameter in switches(kind) if parameter in ci95]
-    if not sizes or kind.neutral is None:
+    if kind.neutral is None:
         return False
-    reference = initial[index].model_dump() if index < len(initial) else kind.neutral
-    pairs = {parameter: np.asarray(ci95[parameter], float).reshape(-1, 2) for parameter in sizes}
-    values = {parameter: np.ravel(np.asarray(reference[parameter], float)) for parameter in sizes}
-    return all(
-        bool(np.all((pair[:, 0] <= values[parameter]) & (values[parameter] <= pair[:, 1])))
-        for parameter, pair in pairs.items()
-    )
+    return is_unchanged(kind, ci95, initial[index].model_dump() if index < len(initial) else kind.neutral)

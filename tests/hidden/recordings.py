@@ -171,15 +171,9 @@ def calibrated(case: Case, folder: Path, sensor: bool, rounds: int, order: str =
     out = folder / case.name / (name if order == "rings" else f"{name}_{order}")
     own = ["--sensor", file] if sensor else []
     report, cpu_s = _pattern_findings(out, "calibrate", recording, *own, "--rounds", rounds, "--out", out / "files")
-    latest = {one["effect"]: one for one in _of_points(report["rounds"][0]["effects"])}
-    for one in report["rounds"]:
-        for finding in one["findings"]:
-            latest[finding["effect"]] = finding
-        for name, values in one["refitted"].items():
-            if name in latest:
-                latest[name] = {**latest[name], **values}
-    last = report["rounds"][-1]
-    return _answer(list(latest.values()), last, report["recommended"], cpu_s)
+    number = report["acceptance"]["round"] or len(report["rounds"])
+    found = {one["effect"]: one for one in [*_of_points(report["rounds"][0]["effects"]), *report["effects"]]}
+    return _answer(list(found.values()), report["rounds"][number - 1], report["recommended"], cpu_s)
 
 
 def _of_points(effects: list[dict[str, Any]]) -> list[dict[str, Any]]:

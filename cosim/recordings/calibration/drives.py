@@ -16,7 +16,7 @@ from cosim.drives.sensor_files import write_sensor
 from cosim.drives.writer import OutputError, explained
 from cosim.engine import Engine
 from cosim.recordings.calibration.directions import DirectionError, direction_error
-from cosim.recordings.calibration.estimates import Combined, Difference, combine, differences, latest_estimates
+from cosim.recordings.calibration.estimates import Combined, Difference, combine, differences, estimates_of
 from cosim.recordings.calibration.loop import LASERS, MOST_ROUNDS, SensorCalibration, calibrate
 from cosim.recordings.recording import Recording
 from sensors.effects.base import Effect
@@ -118,7 +118,7 @@ def calibrate_drives(
                 on_step=step,
             )
         )
-    estimates = [{**latest_estimates(one.rounds), **_cones(one)} for one in found]
+    estimates = [{**estimates_of(one.result), **_cones(one)} for one in found]
     models = [load_sensor(one.folder / one.rounds[-1].sensor_out) for one in found]
     shown = [(_shown(one), model.effects) for one, model in zip(found, models, strict=True)]
     apart = [direction_error(shown[0][0], pattern, shown[0][1], effects) for pattern, effects in shown[1:]]

@@ -77,16 +77,15 @@ class Difference:
         return {**asdict(self), "significant": self.is_significant}
 
 
-def latest_estimates(rounds: Sequence[Round]) -> dict[tuple[str, str], tuple[Any, Any]]:
-    """The latest value and interval of everything that a calibration fitted."""
+def estimates_of(one: Round) -> dict[tuple[str, str], tuple[Any, Any]]:
+    """Value and interval of everything that a round fitted and kept."""
     found: dict[tuple[str, str], tuple[Any, Any]] = {}
-    for each in rounds:
-        fitted = [(one["effect"], one) for one in each.findings] + list(each.refitted.items())
-        for name, finding in fitted:
-            for parameter, interval in finding["ci95"].items():
-                value = finding["params"].get(parameter)
-                if value is not None and interval is not None:
-                    found[name, parameter] = (value, interval)
+    again = [(name, values) for name, values in one.refitted.items() if name not in one.dropped]
+    for name, values in [*((finding["effect"], finding) for finding in one.findings), *again]:
+        for parameter, interval in values["ci95"].items():
+            value = values["params"].get(parameter)
+            if value is not None and interval is not None:
+                found[name, parameter] = (value, interval)
     return found
 
 

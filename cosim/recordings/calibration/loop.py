@@ -35,7 +35,17 @@ from cosim.recordings.calibration.corrected import RESULT
 from cosim.recordings.calibration.halves import direction_error_of_halves
 from cosim.recordings.calibration.held_out import aligned_scores, write_scores
 from cosim.recordings.calibration.history import Tried, noted
-from cosim.recordings.calibration.rounds import Judgement, Round, is_moved, read_round, round_of
+from cosim.recordings.calibration.rounds import (
+    Judgement,
+    Round,
+    dropped_effects,
+    effects_of_next_map,
+    fitted_effects,
+    is_moved,
+    read_round,
+    result_of,
+    round_of,
+)
 from cosim.recordings.calibration.start import GUESSED, first_sensor
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.page import format_page as format_map
@@ -51,6 +61,7 @@ from sensors.sensor_model import SensorModel, load_sensor
 _LOG = logging.getLogger(__name__)
 MOST_ROUNDS = 5
 _HEAD, _SEGMENTS = "calibration.json", "segments"
+_NEXT = "next_map.yaml"  # sensor file that the map of the next round is made with
 _OWN = "found"
 LASERS = "lasers.json"  # what the points show of the pattern, see `FoundPattern.as_json`
 
@@ -78,6 +89,16 @@ class SensorCalibration:
     acceptance: Acceptance
 
     @property
+    def result(self) -> Round:
+        """The round whose result counts: the recommended one, otherwise the last."""
+        return self.rounds[(self.acceptance.round or len(self.rounds)) - 1]
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """Effects that were missing, see `result_of`."""
+        return result_of(self.rounds, self.result.number)
+
+    @property
     def sensor_out(self) -> Path:
         """The sensor file to use: the accepted one of a round, or the one that the calibration began with."""
         chosen = self.acceptance.round
@@ -91,6 +112,7 @@ class SensorCalibration:
             "recommended": self.acceptance.is_recommended,
             "acceptance": self.acceptance.as_json(),
             "settled": self.settled,
+            "effects": self.effects,
             "rounds": [asdict(one) for one in self.rounds],
             "history": [asdict(one) for one in self.tried],
             "notes": self.rounds[-1].notes,
@@ -143,11 +165,11 @@ def calibrate(
         done = read_round(path)
         if done is None:
             on_step(f"round {number}")
-            before = folder / rounds[-1].sensor_out if rounds else start
-            known = [finding["effect"] for one in rounds for finding in one.findings]
-            along = [*(GUESSED if given is None else ()), *(one for one in known if moves_points(one))]
+            before = own / f"round_{number - 1}" / _NEXT if rounds else start
+            known = {finding["effect"] for one in rounds for finding in one.findings}
+            along = [*(GUESSED if given is None else ()), *sorted(name for name in known if moves_points(name))]
             last = number == most_rounds
-            done = _round(prepared(), folder, path, before, along, number, last, settings, engine, on_step)
+            done = _round(prepared(), folder, path, start, before, along, number, last, settings, engine, on_step)
         rounds.append(done)
         if not done.moved:
             break
@@ -164,6 +186,7 @@ def _round(
     prepared: Prepared,
     folder: Path,
     round_folder: Path,
+    start: Path,
     before: Path,
     along: Sequence[str],
     number: int,
@@ -172,7 +195,11 @@ def _round(
     engine: Engine | None,
     on_step: Callable[[str], None],
 ) -> Round:
-    """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along."""
+    """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along.
+
+    The next map is made with the effects of `start` and those found that move points. So whatever the first maps, which
+    are inexact, are mistaken in is forgotten.
+    """
     begun_s = time.process_time()
     shutil.rmtree(round_folder / "twin", ignore_errors=True)  # of a run that was stopped
     sensor = load_sensor(before)
@@ -191,11 +218,16 @@ def _round(
     words = Vocabulary([type(one) for one in found.sensor.effects])
     page = format_diagnosis(found, words, str(round_folder / "twin"), str(before), explored_of(found))
     write_page(round_folder / "diagnosis", page)
-    is_last = last or not is_moved(found, sensor.effects)
+    given = load_sensor(start).effects
+    dropped = dropped_effects(found.refitted, given)
+    next_effects = effects_of_next_map(found.sensor.effects, given, dropped)
+    write_sensor(SensorModel(sensor.pattern, next_effects, sensor.origin), round_folder / _NEXT)
+    is_last = last or not is_moved(fitted_effects(found), sensor.effects, next_effects)
     transfers = step_transfers(found)
     judgement = Judgement(
         transfers=[asdict(one) for one in transfers],
-        accepted=_said(_write_accepted(found, sensor.effects, transfers, round_folder), folder),
+        accepted=_said(_write_accepted(found, sensor.effects, given, dropped, transfers, round_folder), folder),
+        dropped=dropped,
         limits=path_limits(prepared.path),
         sweep_scale=prepared.sweep_scale,
         directions=_directions(prepared, twin.folder, found, settings, on_step) if is_last else None,
@@ -203,8 +235,9 @@ def _round(
         cpu_s=round(time.process_time() - begun_s, 1),
     )
     finished = round_of(
-        number, _said(before, folder), _said(after, folder), sensor.effects, found, twin.as_json(), judgement
-    )
+        number, _said(before, folder), _said(after, folder), sensor.effects, next_effects, found, twin.as_json(),
+        judgement,
+    )  # fmt: skip
     finished.write(round_folder)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", round_folder / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)
@@ -234,22 +267,30 @@ def _advice(prepared: Prepared, twin: RecordingTwin, diagnosis: Diagnosis) -> li
 
 
 def _write_accepted(
-    diagnosis: Diagnosis, before: Sequence[Effect], transfers: Sequence[Transfer], folder: Path
+    diagnosis: Diagnosis,
+    before: Sequence[Effect],
+    given: Sequence[Effect],
+    dropped: Sequence[str],
+    transfers: Sequence[Transfer],
+    folder: Path,
 ) -> Path:
     """Write the sensor without the findings that do not lower the error of held-out scans, and scores of both models.
 
     Args:
         diagnosis: the diagnosis.
         before: effects of the sensor as given: a finding that changes one of these and is rejected leaves it as it was.
+        given: effects of the sensor that the calibration began with.
+        dropped: effects of earlier rounds that are taken back.
         transfers: of the findings.
         folder: folder of the round.
     """
-    rejected = {one.effect for one in transfers if not one.is_accepted}
+    rejected = {*dropped, *(one.effect for one in transfers if not one.is_accepted)}
     pairs, sensor = diagnosis.frame_pairs, diagnosis.sensor
     assert pairs is not None, "a diagnosis keeps its pairs of frames"
     accepted = pairs.after
     if rejected:
-        known = {effect.name: effect for effect in before}
+        known = {effect.name: effect for effect in before if effect.name not in dropped}
+        known |= {effect.name: effect for effect in given if effect.name in dropped}
         own = [known.get(one.name) if one.name in rejected else one for one in sensor.effects]
         effects = tuple(one for one in own if one is not None)
         sensor = SensorModel(sensor.pattern, effects, sensor.origin)
@@ -262,7 +303,7 @@ def _write_accepted(
 
 def _write_result(calibration: SensorCalibration) -> None:
     """Keep what exports need."""
-    chosen = calibration.rounds[(calibration.acceptance.round or len(calibration.rounds)) - 1]
+    chosen = calibration.result
     poses = (calibration.folder / chosen.sensor_out).parent / "twin/twin/poses.npz"
     report = {
         "recording": str(calibration.recording.resolve()),

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from cosim.discrepancy.words import UNDETERMINED, Vocabulary
-from cosim.recordings.calibration.estimates import latest_estimates
+from cosim.recordings.calibration.estimates import estimates_of
 from cosim.recordings.calibration.loop import SensorCalibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
@@ -64,7 +64,8 @@ def format_page(calibration: SensorCalibration) -> str:
             section(
                 "What was found",
                 _findings(calibration),
-                text="Each effect with its latest parameters and their 95 % intervals.",
+                text="Effects of the sensor file to use, or of the last round if yours is kept; the round that first "
+                "found each and 95 % intervals. Effects that move points are fitted again in every round.",
             ),
             _unexplained(last),
             _advice(last),
@@ -140,7 +141,7 @@ def _report(calibration: SensorCalibration) -> str:
             ]
         )
     parts = [table(["quantity", "before", "after", "evidence"], rows, words=(0, 3))]
-    offset = latest_estimates(calibration.rounds).get(("elevation_offset", "offset_deg"))
+    offset = estimates_of(calibration.result).get(("elevation_offset", "offset_deg"))
     if offset is not None and last.directions and _HDL64_LASERS[0] <= last.directions["lasers"] <= _HDL64_LASERS[1]:
         value, (low, high) = offset
         published = ", ".join(f"{name} {degrees}°" for name, degrees in _PUBLISHED_DEG)
@@ -244,22 +245,15 @@ def _links(calibration: SensorCalibration) -> str:
 
 
 def _findings(calibration: SensorCalibration) -> str:
-    latest: dict[str, tuple[int, Mapping[str, Any]]] = {}
-    for each in calibration.rounds:
-        for one in each.findings:
-            latest[one["effect"]] = (each.number, one)
-        for name, one in each.refitted.items():
-            if name in latest:
-                latest[name] = (latest[name][0], {**latest[name][1], **one})
     rows = [
         [
-            name,
-            f"{number}",
-            said_params(name, one["params"], one["ci95"]),
+            one["effect"],
+            f"{one['round']}",
+            said_params(one["effect"], one["params"], one["ci95"]),
             f"{one['p_value']:.2g}",
             ", ".join(one["also_possible"]) or "–",
         ]
-        for name, (number, one) in latest.items()
+        for one in calibration.effects
     ]
     if not rows:
         return Markup("<p>No effect is missing from the sensor file.</p>")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.discrepancy.candidates import amplitudes
+from cosim.discrepancy.candidates import amplitudes, is_unchanged
 from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.drives.files import read_text
 from cosim.drives.writer import explained
@@ -20,7 +20,7 @@ from sensors.effects.base import Effect
 from sensors.effects.registry import effect_classes
 
 FILE = "round.json"
-_STILL = 0.25  # of an interval's width: a parameter that moves by less has not moved
+_STILL = 0.5  # of an interval's width: a parameter that moves by less stays in its interval
 _TAKEN_UP = 0.2  # of what an effect still does to the points of a map, at most; 0.02 to 0.17 in simulated recordings
 
 
@@ -31,6 +31,7 @@ class Judgement:
     Attributes:
         transfers: what each finding does to held-out scans, see `acceptance.Transfer`.
         accepted: file with the findings that lower the error of held-out scans, or that move points.
+        dropped: effects that earlier rounds found, and whose intervals now include no change.
         limits: what the path of the sensor does not vary, as predicates of the drive.
         sweep_scale: share of the motion in a sweep that points are freed of where no effect says it.
         directions: angles between the beams that two halves give, see `DirectionError`; of the last round only.
@@ -40,6 +41,7 @@ class Judgement:
 
     transfers: list[dict[str, Any]]
     accepted: str
+    dropped: list[str]
     limits: list[str]
     sweep_scale: float
     directions: dict[str, Any] | None
@@ -118,6 +120,7 @@ def round_of(
     sensor: str,
     sensor_out: str,
     before: Sequence[Effect],
+    after: Sequence[Effect],
     diagnosis: Diagnosis,
     made: Mapping[str, Any],
     judgement: Judgement,
@@ -127,7 +130,7 @@ def round_of(
     Args:
         number: from 1.
         sensor, sensor_out: files, relative to the calibration's folder.
-        before: effects of the sensor that it began with.
+        before, after: effects that its map was made with, and those that the next one would be made with.
         diagnosis: the diagnosis.
         made: `RecordingTwin.as_json` of its map.
         judgement: of its findings.
@@ -152,16 +155,71 @@ def round_of(
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],
-        moved=is_moved(diagnosis, before),
+        moved=is_moved(fitted_effects(diagnosis), before, after),
         **vars(judgement),
         notes=list(dict.fromkeys((*made["notes"], *diagnosis.notes))),
     )
 
 
-def is_moved(diagnosis: Diagnosis, before: Sequence[Effect]) -> bool:
-    """Whether what was found, or fitted again, moves points of the map."""
-    rows = [*diagnosis.to_json()["effects"], *({"effect": name, **one} for name, one in diagnosis.refitted.items())]
-    return any(_moves(one, before) for one in rows)
+def result_of(rounds: Sequence[Round], number: int) -> list[dict[str, Any]]:
+    """Effects that the calibrated sensor has in addition, as a round found them, or fitted them again.
+
+    Rows as `diagnose --json` lists effects, and `round`: the number of the round that found them first.
+
+    Args:
+        rounds: in order.
+        number: of the round, from 1.
+    """
+    chosen, found = rounds[number - 1], dict[str, dict[str, Any]]()
+    for one in rounds[: number - 1]:
+        for finding in one.findings:
+            found.setdefault(finding["effect"], {**finding, "round": one.number})
+    kept = [
+        {**found[name], **values}
+        for name, values in chosen.refitted.items()
+        if name in found and name not in chosen.dropped
+    ]
+    return [*kept, *({**finding, "round": number} for finding in chosen.findings)]
+
+
+def fitted_effects(diagnosis: Diagnosis) -> dict[str, Mapping[str, Any]]:
+    """`params` and `ci95` of each effect that a diagnosis found, or fitted again."""
+    return {**{one["effect"]: one for one in diagnosis.to_json()["effects"]}, **diagnosis.refitted}
+
+
+def dropped_effects(refitted: Mapping[str, Mapping[str, Any]], given: Sequence[Effect]) -> list[str]:
+    """Effects that move points, were fitted again, and whose intervals include no change from the given ones.
+
+    Args:
+        refitted: `params` and `ci95` by effect.
+        given: effects of the sensor that the calibration began with.
+    """
+    moving = [name for name in refitted if moves_points(name)]
+    kinds = {name: effect_classes()[name] for name in moving}
+    return [name for name in moving if is_unchanged(kinds[name], refitted[name]["ci95"], _values(kinds[name], given))]
+
+
+def effects_of_next_map(found: Sequence[Effect], given: Sequence[Effect], dropped: Sequence[str]) -> tuple[Effect, ...]:
+    """The given effects, and those found that move points: everything else is looked for again on the next map.
+
+    Args:
+        found: effects of the sensor at the end of a round.
+        given: effects of the sensor that the calibration began with.
+        dropped: see `dropped_effects`.
+    """
+    latest = {one.name: one for one in found if moves_points(one.name) and one.name not in dropped}
+    names = {one.name for one in given}
+    return (*(latest.get(one.name, one) for one in given), *(latest[name] for name in latest if name not in names))
+
+
+def is_moved(fitted: Mapping[str, Mapping[str, Any]], before: Sequence[Effect], after: Sequence[Effect]) -> bool:
+    """Whether points of the map move by the effects that the next map is made with, instead of those of this one.
+
+    Args:
+        fitted: `params` and `ci95` of each effect that was found or fitted again.
+        before, after: effects of this map and of the next one.
+    """
+    return any(moves_points(name) and _changes(name, values, before, after) for name, values in fitted.items())
 
 
 def widened(name: str, values: Mapping[str, Any], before: Sequence[Effect]) -> dict[str, Any]:
@@ -189,17 +247,28 @@ def widened(name: str, values: Mapping[str, Any], before: Sequence[Effect]) -> d
     return wider
 
 
-def _moves(finding: Mapping[str, Any], before: Sequence[Effect]) -> bool:
-    """Whether a finding changes where points of the map come to lie."""
-    if not moves_points(finding["effect"]):
-        return False
-    known = next((one.model_dump(mode="json") for one in before if one.name == finding["effect"]), None)
-    if known is None:
-        return True
-    for name, value in finding["params"].items():
-        interval = finding["ci95"].get(name)
-        if isinstance(value, list) or interval is None:
-            return True
-        if abs(value - known[name]) > _STILL * (interval[1] - interval[0]):
+def _changes(name: str, fitted: Mapping[str, Any], before: Sequence[Effect], after: Sequence[Effect]) -> bool:
+    """Whether the parameters of an effect change by more than half the width of their intervals."""
+    kind = effect_classes()[name]
+    known, new = (
+        next((one.model_dump() for one in effects if one.name == kind.name), kind.neutral)
+        for effects in (before, after)
+    )
+    if known is None or new is None:
+        return known is not new
+    for parameter in fitted["params"]:
+        interval = fitted["ci95"].get(parameter)
+        change = np.ravel(np.subtract(new[parameter], known[parameter]))
+        if interval is None:
+            if np.any(change):
+                return True
+            continue
+        width = np.ptp(np.reshape(interval, (-1, 2)), axis=1)
+        if float(np.sqrt(np.mean((change / np.maximum(width, 1e-12)) ** 2))) > _STILL:
             return True
     return False
+
+
+def _values(kind: type[Effect], effects: Sequence[Effect]) -> Mapping[str, Any] | None:
+    """Parameters of an effect; the neutral ones, if it has any, where it is not among the effects."""
+    return next((one.model_dump() for one in effects if one.name == kind.name), kind.neutral)
