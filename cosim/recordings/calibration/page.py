@@ -19,15 +19,18 @@ from cosim.report.plot import Axis, Plot, nice_top
 
 def headline(calibration: SensorCalibration) -> str:
     """The outcome in a sentence or two, plain text."""
-    accepted = calibration.acceptance
+    accepted, result = calibration.acceptance, calibration.result
+    of_result = {row["effect"]: row["is_accepted"] for row in result.transfers}
+    earlier = [one["effect"] for one in calibration.effects if one["effect"] not in of_result]
     if accepted.is_recommended:
-        names = ", ".join(dict.fromkeys(one.effect for one in accepted.transfers if one.is_accepted)) or "noise"
+        names = ", ".join([*earlier, *(name for name, is_in_file in of_result.items() if is_in_file)]) or "noise"
         message = f"Recommended: the calibrated file ({names}), because {accepted.reason}."
     else:
         message = f"Keep your file, because {accepted.reason}."
-    rejected = [one.effect for one in accepted.transfers if not one.is_accepted]
+    shown = {one.effect for one in accepted.transfers if one.is_accepted}
+    rejected = [name for name in [*earlier, *of_result] if name not in shown]
     if rejected:
-        message += f" Found, but not shown by held-out scans: {', '.join(dict.fromkeys(rejected))}."
+        message += f" Found, but not shown by held-out scans: {', '.join(rejected)}."
     last, first = calibration.rounds[-1], calibration.rounds[0]
     if last.unexplained:
         message += f" {len(last.unexplained)} dependences stay unexplained."
