@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -40,6 +41,12 @@ class Unexplained:
     def to_json(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self) | {"covariates": list(self.covariates)}
+
+    @classmethod
+    def of_json(cls, values: Mapping[str, Any]) -> Unexplained:
+        """A dependence from plain values; a size of None is unknown."""
+        size = float("nan") if values["size"] is None else values["size"]
+        return cls(**{**values, "covariates": tuple(values["covariates"]), "size": size})
 
 
 def remaining(evidence: SelectionEvidence, model: FittedModel, settings: Settings) -> tuple[Unexplained, ...]:

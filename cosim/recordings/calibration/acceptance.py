@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ class Transfer:
         change, low, high: of the aligned error, with its 95 % interval; null where there are too few scans.
         by: `step` where it was added on the same map, `map` where its map was compared with the one before.
         is_accepted: whether it is in the recommended file if that is recommended at all.
+        round: the round that found it.
     """
 
     effect: str
@@ -38,6 +39,7 @@ class Transfer:
     high: float | None
     by: str
     is_accepted: bool
+    round: int = 0
 
 
 @dataclass(frozen=True)
@@ -110,11 +112,13 @@ def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> 
             change_between(scores[number]["given"], scores[number + 1]["given"]) if number + 1 < len(rounds) else None
         )
         for row in one.transfers:
-            transfer = Transfer(**row)
+            transfer = Transfer(**{**row, "round": one.number})
             if later is not None and moves_points(transfer.effect) and not (transfer.high or 0.0) < 0:
-                transfer = Transfer(transfer.effect, later.mean, later.low, later.high, "map", later.is_fall)
+                transfer = Transfer(
+                    transfer.effect, later.mean, later.low, later.high, "map", later.is_fall, one.number
+                )
             elif moves_points(transfer.effect):
-                transfer = Transfer(**{**row, "is_accepted": bool(transfer.high is not None and transfer.high < 0)})
+                transfer = replace(transfer, is_accepted=bool(transfer.high is not None and transfer.high < 0))
             found.append(transfer)
     return found
 

@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cosim.discrepancy.words import UNDETERMINED, Vocabulary
+from cosim.discrepancy.quantities import dependence_words
+from cosim.discrepancy.report.unexplained_section import size_words
+from cosim.discrepancy.unexplained import Unexplained
+from cosim.discrepancy.words import UNDETERMINED, Vocabulary, unexplained_words
 from cosim.recordings.calibration.estimates import estimates_of
 from cosim.recordings.calibration.loop import SensorCalibration
 from cosim.recordings.calibration.rounds import Round
 from cosim.report import document, facts, figure, notes_section, section, table
 from cosim.report.html import fill
+from cosim.report.phrases import p_cell
 from cosim.report.plot import Axis, Plot, nice_top
 
 
@@ -70,7 +74,7 @@ def format_page(calibration: SensorCalibration) -> str:
                 text="Effects of the sensor file to use, or of the last round if yours is kept; the round that first "
                 "found each and 95 % intervals. Effects that move points are fitted again in every round.",
             ),
-            _unexplained(last),
+            _unexplained(calibration.result),
             _advice(last),
             _history(calibration),
             _undetermined(last),
@@ -167,12 +171,14 @@ def _transfers(calibration: SensorCalibration) -> str:
     for one in calibration.acceptance.transfers:
         change = "not measured" if one.change is None else f"{one.change:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
         by = {"step": "added on the same map", "map": "new map made with it"}[one.by]
-        rows.append([one.effect, change, by, "yes" if one.is_accepted else "no: not in the recommended file"])
+        rows.append(
+            [f"{one.round}", one.effect, change, by, "yes" if one.is_accepted else "no: not in the recommended file"]
+        )
     if not rows:
         return ""
-    heads = ["finding", "change of the error of held-out scans", "measured", "transfers"]
+    heads = ["round", "finding", "change of the error of held-out scans", "measured", "transfers"]
     text = "A finding is in the recommended file only if the error of scans that took no part falls beyond doubt."
-    return section("What held-out scans confirm", table(heads, rows, words=(0, 1, 2, 3)), text=text)
+    return section("What held-out scans confirm", table(heads, rows, words=(1, 2, 3, 4)), text=text)
 
 
 def _advice(last: Round) -> str:
@@ -282,25 +288,20 @@ def said_params(effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any])
     return "; ".join(parts)
 
 
-def _unexplained(last: Round) -> str:
+def _unexplained(result: Round) -> str:
     shapes = [
-        [one["channel"], ", ".join(one["covariates"]), str(one["form"]), f"{one['p_value']:.2g}"]
-        for one in last.unknowns
+        [dependence_words(one["channel"], one["covariates"]), str(one["form"]), p_cell(one["p_value"])]
+        for one in result.unknowns
     ]
     left = [
-        [
-            one["channel"],
-            ", ".join(one["covariates"]) or f"as {one.get('looks_like', '')} would make it",
-            f"{one['size']:.3g} {one['unit']}" if np.isfinite(one["size"]) else "cannot be determined",
-            f"{one['p_value']:.2g}",
-        ]
-        for one in last.unexplained
+        [unexplained_words(row), size_words(row), p_cell(row.p_value)]
+        for row in (Unexplained.of_json(one) for one in result.unexplained)
     ]
     parts = []
     if shapes:
-        parts.append(table(["channel", "depends on", "shape", "p"], shapes, words=(0, 1, 2)))
+        parts.append(table(["effect outside the catalogue", "shape", "p"], shapes, words=(0, 1)))
     if left:
-        parts.append(table(["channel", "depends on", "size", "p"], left, words=(0, 1)))
+        parts.append(table(["dependence", "size", "p"], left, words=(0,)))
     return section("Not explained", *(parts or [Markup("<p>Nothing significant is left.</p>")]))
 
 

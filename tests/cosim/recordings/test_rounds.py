@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from cosim.discrepancy.unexplained import Unexplained
 from cosim.recordings.calibration.rounds import dropped_effects, effects_of_next_map, is_moved
 from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.effects.beams.sweep_motion import SweepMotion
@@ -46,3 +48,9 @@ def test_dropping_a_small_effect_moves_nothing() -> None:
     after = (*GIVEN, SweepMotion(sweep_s=0.096))
     assert not is_moved(REFITTED, (*after, ElevationOffset(offset_deg=-0.003)), after)
     assert is_moved(REFITTED, (*after, ElevationOffset(offset_deg=-0.02)), after)
+
+
+def test_a_dependence_of_unknown_size_is_read_from_a_stored_round() -> None:
+    stored = {"channel": "range", "covariates": ["azimuth"], "size": None, "unit": "m", "p_value": 0.01}
+    row = Unexplained.of_json(stored)
+    assert row.covariates == ("azimuth",) and np.isnan(row.size)
