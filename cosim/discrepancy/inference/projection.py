@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from cosim.discrepancy.inference.clusters import Clusters
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.random_effects import Clusters, Estimate
+from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled, summed_by
 
 TRACK, PART = 0, 1

@@ -17,29 +17,12 @@ import numpy as np
 from scipy import sparse, special
 
 from assets.materials import MOST_MATERIALS
+from cosim.discrepancy.inference.clusters import Clusters, joined_cells
 from cosim.discrepancy.inference.pose_errors import PoseErrors
 from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, SparseMatrix, scaled, side_by_side
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 
 _AXES = 6
-
-
-@dataclass(frozen=True, eq=False)
-class Clusters:
-    """Clusters of n beams that share errors: by the object or place that they hit, and by scan.
-
-    Attributes:
-        track: (n,) int number of the instance, or of a square of the map.
-        scan: (n,) int number of the scan.
-        part: (n,) int number of the scan, or of the sector of a scan if there are few scans.
-        unit_track, unit_scan: (m,) int track and scan that each random effect belongs to; −1 for none.
-    """
-
-    track: np.ndarray
-    scan: np.ndarray
-    part: np.ndarray
-    unit_track: np.ndarray
-    unit_scan: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +163,7 @@ class RandomEffects:
         Map cells are joined to larger squares, because displaced buildings are larger than a cell.
         """
         sample = self.sample
-        cluster = _joined_cells(sample)
+        cluster = joined_cells(sample)
         sectors = -(-self._settings.fewest_parts // max(len(sample.names), 1))
         sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
         track, scan = np.full(self.size, -1), np.full(self.size, -1)
@@ -487,22 +470,3 @@ class RandomEffects:
             ones = np.ones(len(used))
             self._designs[block.name] = sparse.csr_matrix((ones, (used, number[used])), (len(number), block.size))
         return self._designs[block.name]
-
-
-def _joined_cells(sample: Sample) -> np.ndarray:
-    """Number (n,) of the instance, square of map cells, or sector of the sky that each beam hits.
-
-    Squares get smaller where the map is so small that there would be few of them.
-    """
-    cells, settings = sample.cells, sample.settings
-    is_cell = np.isfinite(cells[:, 0])
-    keys = np.zeros((len(cells), 4), int)
-    keys[~is_cell, 0] = 1 + np.flatnonzero(~is_cell)
-    keys[is_cell, 1] = cells[is_cell, 0]
-    number = np.arange(len(cells))
-    for side in range(settings.random_effects.dependent_cells, 0, -1):
-        keys[is_cell, 2:] = np.floor(cells[is_cell, 1:] / (side * settings.sampling.cell_m))
-        number = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
-        if len(np.unique(number[is_cell])) >= settings.random_effects.fewest_squares:
-            break
-    return number[sample.track]

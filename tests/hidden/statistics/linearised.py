@@ -12,8 +12,8 @@ from scipy import sparse
 
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, LinearisedChannel
+from cosim.discrepancy.inference.clusters import Clusters
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.random_effects import Clusters
 from cosim.discrepancy.inference.score import Evidence, Factored
 from cosim.discrepancy.settings import DEFAULT, Settings
 from tests.hidden.statistics.score_tables import COUNTS, Beams, Scores, SparseMatrix
