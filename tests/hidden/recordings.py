@@ -122,7 +122,25 @@ def base_drive(case: Case, folder: Path) -> Path:
             seed += 1
             _cosim("run", settings, *own, "--seed", seed)
         chosen.write_text(str(seed))
+        _smooth_motion(drive)
     return drive
+
+
+def _smooth_motion(drive: Path) -> None:
+    """Replace the car's rates, which SUMO keeps for a step and then changes, by central differences of its poses.
+
+    A sweep takes place before and after the pose time: with the rates of the step before, the car would jump between
+    sweeps.
+    """
+    files = sorted((drive / "twin" / "frames").glob("*.json"))
+    frames = [json.loads(file.read_text()) for file in files]
+    poses = np.array([frame["ego"]["pose"] for frame in frames])
+    time_s = np.array([frame["time_s"] for frame in frames])
+    velocity = np.gradient(poses[:, :3, 3], time_s, axis=0)
+    yaw_rate = np.gradient(np.unwrap(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), time_s)
+    for file, frame, own, turning in zip(files, frames, velocity.tolist(), yaw_rate.tolist(), strict=True):
+        frame["ego"] |= {"velocity_mps": own, "yaw_rate_radps": turning}
+        file.write_text(json.dumps(frame))
 
 
 def path_length_m(drive: Path) -> float:

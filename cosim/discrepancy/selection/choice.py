@@ -207,7 +207,7 @@ def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[Grou
     picked = [result for result in candidates if result.gain >= by.rival_share * best.gain]
     named = [result for result in candidates if _is_simple_effect(result.group) and result.gain >= 0.3 * best.gain]
     shortlist = _each_kind_once(picked)[: by.rivals + 1]
-    return _each_kind_once([*shortlist, *named[:3]])
+    return _each_kind_once([*shortlist, *_each_kind_once(named)[:3]])
 
 
 def _later(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:

@@ -15,14 +15,18 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Evidence
+from cosim.discrepancy.selection.choice import _shortlist
 from cosim.discrepancy.selection.confirm import _about_others
 from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
 from cosim.discrepancy.selection.returns import ReturnCounts
 from cosim.discrepancy.selection.search import drop_superfluous
 from cosim.discrepancy.settings import DEFAULT
+from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.effects.detection.random_dropout import RandomDropout
+from sensors.effects.points.range_bias import RangeBias
 from sensors.effects.points.range_noise import RangeNoise
+from sensors.effects.points.range_walk import RangeWalk
 from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
 
 FOLDS = 8
@@ -118,3 +122,19 @@ def test_an_effect_is_kept_next_to_bins_that_contain_it(lossy: tuple[FittedModel
     terms = tuple(Term(group, 0.001, 10.0, 10.0) for group in (dropout, bins))
     kept = drop_superfluous(replace(both, terms=terms), (), DEFAULT, set())
     assert [term.group.name for term in kept.terms] == [dropout.name, bins.name]
+
+
+def test_settings_of_one_effect_do_not_displace_other_effects(
+    lossy: tuple[FittedModel, Linearisation, Group],
+) -> None:
+    model, linearisation, _ = lossy
+    groups = effect_groups(linearisation, [RangeWalk, RangeBias, ElevationOffset], (), ())
+    evidence = gather_evidence(model, groups, DEFAULT, 0)
+    gains = {"range_walk": 100.0, "range_bias": 80.0, "elevation_offset": 70.0}
+    results = [result for result in evidence.results if result.group.effect_name in gains]
+    ranked = [replace(result, gain=gains[result.group.effect_name]) for result in results]
+    assert sum(result.group.effect_name == "range_walk" for result in ranked) >= 4, "one for each decay"
+    bins = [replace(result, gain=90.0) for result in evidence.results if not result.group.is_effect]
+    shortlist = _shortlist(sorted([*ranked, *bins], key=lambda result: -result.gain), DEFAULT)
+    effects = [result.group.effect_name for result in shortlist if result.group.is_effect]
+    assert sorted(effects) == sorted(gains)
