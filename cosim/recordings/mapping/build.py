@@ -132,7 +132,7 @@ def build_map(
         on_scan()
     poses, pose_ego, known = levelled(surfels, poses, up(surfels, poses[fitted]), mount)
     cloud = cloud_of(scans, poses, sweep_scale * motion, fitted)
-    surfels, no_plane = make_surfels(cloud, settings)
+    surfels, no_plane = make_surfels(cloud, settings, steady=True)
     _demand_surfels(recording, surfels)
     rounds.append(thickness(surfels))
     solid = (solid_shares(cloud, surfels, settings.cell_m) > _SOLID) & (surfels.scans >= _WELL_SEEN)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.drives.twin.surfels import cell_keys, sides
+from cosim.recordings.mapping.normals import steadied
 
 _CHUNK = 1_000_000  # points at a time
 _SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
@@ -118,8 +119,14 @@ class Surfels:
         return np.abs(self.normal[:, 2]) > 0.95
 
 
-def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
-    """The planes of a cloud, and how many cells with enough points are none."""
+def make_surfels(cloud: Cloud, settings: SurfelSettings, *, steady: bool = False) -> tuple[Surfels, int]:
+    """The planes of a cloud, and how many cells with enough points are none.
+
+    Args:
+        cloud: points of all scans.
+        settings: limits.
+        steady: whether normals are those of larger planes, where there are any, see `normals.steadied`.
+    """
     key = cell_keys(cloud.xyz, settings.cell_m)
     order = np.argsort(key, kind="stable")
     key = key[order]
@@ -136,7 +143,11 @@ def make_surfels(cloud: Cloud, settings: SurfelSettings) -> tuple[Surfels, int]:
         sd = np.sqrt(np.maximum(variance[:, 0], 1e-8))
         kept = np.abs(off) < 3 * sd[cell]
     good = (np.sqrt(variance[:, 0]) < settings.thickest_m) & (variance[:, 0] < settings.flattest * variance[:, 1])
-    rows, cell, off = rows[kept], cell[kept], off[kept]
+    rows, cell = rows[kept], cell[kept]
+    if steady:
+        points = np.bincount(cell, minlength=len(count))
+        normal[good] = steadied(centre[good], normal[good], points[good], sd[good], settings.cell_m)
+    off = np.einsum("ij,ij->i", cloud.xyz[rows] - centre[cell], normal[cell])
     surfels = _described(cloud, rows, cell, key[start], centre, normal, off)
     good &= (surfels.scans >= settings.least_scans) & (surfels.points >= settings.least_points)
     return surfels[good], int((~good).sum())
