@@ -82,7 +82,9 @@ def step_transfers(diagnosis: Diagnosis) -> list[Transfer]:
 
 
 def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
-    """Choose the round whose accepted file has the least error of held-out scans, if any error falls beyond doubt.
+    """Choose a round whose accepted file has the least error of held-out scans, if any error falls beyond doubt.
+
+    Of the rounds whose intervals include the largest fall, the last one is chosen: its map is the best.
 
     Args:
         folder: of the calibration.
@@ -92,15 +94,16 @@ def accept(folder: Path, rounds: Sequence[Round]) -> Acceptance:
     given = scores[0]["given"]
     changes = [change_between(given, one["accepted"]) for one in scores]
     transfers = tuple(_transfers(rounds, scores))
-    better = [number for number, one in enumerate(changes) if one is not None and one.is_fall]
+    better = [
+        (one, change) for one, change in zip(rounds, changes, strict=True) if change is not None and change.is_fall
+    ]
     if better:
-        best = min(better, key=lambda number: changes[number].mean)  # type: ignore[union-attr]
-        change = changes[best]
-        assert change is not None
+        least = min(change.mean for _, change in better)
+        chosen, change = next(pair for pair in reversed(better) if pair[1].low <= least)
         reason = (
             f"the error of {change.scans} held-out scans falls by {_interval(-change.mean, -change.high, -change.low)}"
         )
-        return Acceptance(True, rounds[best].number, change, reason, transfers)
+        return Acceptance(True, chosen.number, change, reason, transfers)
     return Acceptance(False, 0, changes[-1], _why_not(changes[-1], rounds), transfers)
 
 

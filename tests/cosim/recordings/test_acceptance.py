@@ -70,6 +70,14 @@ def test_the_best_round_is_chosen_not_the_last(tmp_path: Path) -> None:
     assert accept(tmp_path, rounds).round == 1
 
 
+def test_of_rounds_that_are_equally_good_the_last_is_chosen(tmp_path: Path) -> None:
+    rounds = [
+        made(tmp_path, 1, scores(), scores(-0.5, seed=1)),
+        made(tmp_path, 2, scores(-0.5, seed=2), scores(-0.499, seed=3)),
+    ]
+    assert accept(tmp_path, rounds).round == 2
+
+
 def test_a_finding_that_moves_points_is_validated_on_the_next_map(tmp_path: Path) -> None:
     found = {"effect": "sweep_motion", "change": 0.0, "low": -0.1, "high": 0.1, "by": "step", "is_accepted": True}
     rounds = [
