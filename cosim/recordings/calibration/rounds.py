@@ -196,7 +196,11 @@ def dropped_effects(refitted: Mapping[str, Mapping[str, Any]], given: Sequence[E
     """
     moving = [name for name in refitted if moves_points(name)]
     kinds = {name: effect_classes()[name] for name in moving}
-    return [name for name in moving if is_unchanged(kinds[name], refitted[name]["ci95"], _values(kinds[name], given))]
+    return [
+        name
+        for name in moving
+        if is_unchanged(kinds[name], refitted[name]["ci95"], _values(kinds[name], given, refitted[name]["params"]))
+    ]
 
 
 def effects_of_next_map(found: Sequence[Effect], given: Sequence[Effect], dropped: Sequence[str]) -> tuple[Effect, ...]:
@@ -250,10 +254,7 @@ def widened(name: str, values: Mapping[str, Any], before: Sequence[Effect]) -> d
 def _changes(name: str, fitted: Mapping[str, Any], before: Sequence[Effect], after: Sequence[Effect]) -> bool:
     """Whether the parameters of an effect change by more than half the width of their intervals."""
     kind = effect_classes()[name]
-    known, new = (
-        next((one.model_dump() for one in effects if one.name == kind.name), kind.neutral)
-        for effects in (before, after)
-    )
+    known, new = (_values(kind, effects, fitted["params"]) for effects in (before, after))
     if known is None or new is None:
         return known is not new
     for parameter in fitted["params"]:
@@ -269,6 +270,15 @@ def _changes(name: str, fitted: Mapping[str, Any], before: Sequence[Effect], aft
     return False
 
 
-def _values(kind: type[Effect], effects: Sequence[Effect]) -> Mapping[str, Any] | None:
-    """Parameters of an effect; the neutral ones, if it has any, where it is not among the effects."""
-    return next((one.model_dump() for one in effects if one.name == kind.name), kind.neutral)
+def _values(kind: type[Effect], effects: Sequence[Effect], like: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Parameters of an effect; where it is not among the effects the neutral ones, if it has any.
+
+    Args:
+        kind: of the effect.
+        effects: of a sensor.
+        like: parameters whose lists have one value for each laser of the sensor.
+    """
+    own = next((one.model_dump() for one in effects if one.name == kind.name), None)
+    if own is not None or kind.neutral is None:
+        return own
+    return {name: np.resize(value, np.shape(like[name])) for name, value in kind.neutral.items()}

@@ -11,6 +11,7 @@ from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.effects.beams.sweep_motion import SweepMotion
 from sensors.effects.detection.random_dropout import RandomDropout
 from sensors.effects.points.range_noise import RangeNoise
+from sensors.effects.points.ring_range_offset import RingRangeOffset
 
 GIVEN = (RangeNoise(sigma_m=0.02, sigma_per_m=0.0),)
 FOUND = (
@@ -54,3 +55,13 @@ def test_a_dependence_of_unknown_size_is_read_from_a_stored_round() -> None:
     stored = {"channel": "range", "covariates": ["azimuth"], "size": None, "unit": "m", "p_value": 0.01}
     row = Unexplained.of_json(stored)
     assert row.covariates == ("azimuth",) and np.isnan(row.size)
+
+
+def test_values_by_laser_are_those_of_the_sensor() -> None:
+    offsets = [0.01] * 16
+    fitted = {"ring_range_offset": {"params": {"offsets_m": offsets}, "ci95": {"offsets_m": [[0.005, 0.015]] * 16}}}
+    found = (*GIVEN, RingRangeOffset(offsets_m=tuple(offsets)))
+    assert is_moved(fitted, GIVEN, found) and not is_moved(fitted, found, found)
+    assert dropped_effects(fitted, GIVEN) == []
+    fitted["ring_range_offset"]["ci95"]["offsets_m"] = [[-0.005, 0.025]] * 16
+    assert dropped_effects(fitted, GIVEN) == ["ring_range_offset"]
