@@ -126,7 +126,7 @@ def choose(
             return frozenset({result.group.name})
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
-    alternatives = _rivals(trial, trials)
+    alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)
     penalty = group.size * max(result.entry.cell.dispersion, 1.0)
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
