@@ -27,7 +27,7 @@ from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.evidence_matrix import evidence_matrix
 from cosim.discrepancy.inference.intervals import intervals
-from cosim.discrepancy.missing import FoundTerm, Missing, find_missing
+from cosim.discrepancy.missing import Missing, ReportedTerm, find_missing
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
 from cosim.discrepancy.settings import DEFAULT, Settings
@@ -104,19 +104,19 @@ def check_wiring(context: Context, on: FittedFrames) -> tuple[FittedFrames, tupl
     return trace_and_fit(context, context.split.fit, context.initial_effects, _initially_free(context)), exchanged
 
 
-def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[FoundTerm, ...]]:
+def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tuple[ReportedTerm, ...]]:
     """Add the steps of which measured values are multiples and the model's are not: facts of the file."""
     rng, findings = np.random.default_rng([context.seed, 3]), []
     for lattice in find_lattices(on.fitter, on.fitted, context.candidates, rng):
         others = tuple(effect for effect in on.fitted.effects if effect.name != lattice.effect.name)
         on = replace(on, fitted=on.fitter.fit((*others, lattice.effect), (), on.fitted.estimate, steps=3))
         p_value = 1 / context.settings.selection.draws
-        findings.append(FoundTerm(lattice.effect.name, p_value, interval=lattice.interval))
+        findings.append(ReportedTerm(lattice.effect.name, p_value, interval=lattice.interval))
     return on, tuple(findings)
 
 
 def conclude(
-    context: Context, missing: Missing, facts: Sequence[FoundTerm], exchanged: Sequence[Exchange]
+    context: Context, missing: Missing, facts: Sequence[ReportedTerm], exchanged: Sequence[Exchange]
 ) -> Diagnosis:
     """Errors and their budget on held-out frames, intervals, and everything that remains.
 
@@ -195,7 +195,7 @@ def _catalogue(context: Context) -> set[str]:
 
 
 def _steps(
-    context: Context, effects: tuple[Effect, ...], findings: Sequence[FoundTerm], left_out: str = ""
+    context: Context, effects: tuple[Effect, ...], findings: Sequence[ReportedTerm], left_out: str = ""
 ) -> list[tuple[Effect, ...]]:
     """The model after each finding, with the final values of those found so far, and without `left_out`."""
     initial = context.initial_effects
@@ -216,7 +216,7 @@ def _needed(
     frame_pairs: FramePairs,
     budget: Budget,
     effects: tuple[Effect, ...],
-    findings: Sequence[FoundTerm],
+    findings: Sequence[ReportedTerm],
 ) -> frozenset[str]:
     """Names of findings after which the error rises, but without which the error of all together is higher.
 

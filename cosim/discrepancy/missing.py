@@ -29,7 +29,7 @@ from sensors.effects.base import BeamEffect, Effect
 
 
 @dataclass(frozen=True, eq=False)
-class FoundTerm:
+class ReportedTerm:
     """A term in reported form: an effect of the catalogue, a plug-in, or a property of the file."""
 
     name: str
@@ -52,7 +52,7 @@ class Missing:
     """
 
     model: FittedModel
-    findings: tuple[FoundTerm, ...]
+    findings: tuple[ReportedTerm, ...]
     phases: tuple[Term, ...]
     first: SelectionEvidence
     last: SelectionEvidence
@@ -121,7 +121,9 @@ def retrace(context: Context, model: FittedModel) -> FittedModel:
     return rebuild(model, on)
 
 
-def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tuple[FoundTerm, ...], tuple[Term, ...]]:
+def convert_terms(
+    context: Context, model: FittedModel
+) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...]]:
     """Turn dependences into plug-ins, and fit their parameters together with everything else.
 
     Returns:
@@ -129,11 +131,11 @@ def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tu
     """
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     effects, free = model.fitted.effects, model.free
-    findings, phases = list[FoundTerm](), list[Term]()
+    findings, phases = list[ReportedTerm](), list[Term]()
     for term in model.terms:
         names = term.alternatives
         if term.group.is_effect:
-            findings.append(FoundTerm(term.group.effect_name, term.p_value, names))
+            findings.append(ReportedTerm(term.group.effect_name, term.p_value, names))
             continue
         curve = curve_of(linearisation, term, context.settings.selection.sectors)
         if curve is None or any(effect.name == curve.name for effect in effects):
@@ -143,7 +145,7 @@ def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tu
         if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their most likely size already
             free = (*free, len(effects))
         effects = (*effects, effect_of(unknown))
-        findings.append(FoundTerm(unknown.name, term.p_value, names, unknown, term.group.name))
+        findings.append(ReportedTerm(unknown.name, term.p_value, names, unknown, term.group.name))
     if effects == model.fitted.effects and not model.fitted.dependences:
         return model, tuple(findings), tuple(phases)
     context.on_progress("fitting formulas")
@@ -157,8 +159,8 @@ def convert_terms(context: Context, model: FittedModel) -> tuple[FittedModel, tu
 
 
 def _without_idle(
-    context: Context, model: FittedModel, findings: Sequence[FoundTerm], phases: Sequence[Term]
-) -> tuple[FittedModel, tuple[FoundTerm, ...], tuple[Term, ...]]:
+    context: Context, model: FittedModel, findings: Sequence[ReportedTerm], phases: Sequence[Term]
+) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...]]:
     """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
     fitted, fitter = model.fitted, model.fitter
     loss = fitter.loss(fitted.estimate)
@@ -182,8 +184,8 @@ def _without_idle(
 
 
 def drop_insignificant(
-    context: Context, model: FittedModel, findings: Sequence[FoundTerm]
-) -> tuple[FittedModel, tuple[FoundTerm, ...]]:
+    context: Context, model: FittedModel, findings: Sequence[ReportedTerm]
+) -> tuple[FittedModel, tuple[ReportedTerm, ...]]:
     """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
 
     No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
