@@ -203,17 +203,15 @@ def dropped_effects(refitted: Mapping[str, Mapping[str, Any]], given: Sequence[E
     ]
 
 
-def effects_of_next_map(
-    fitted: Sequence[Effect], given: Sequence[Effect], dropped: Sequence[str]
-) -> tuple[Effect, ...]:
+def effects_of_next_map(final: Sequence[Effect], given: Sequence[Effect], dropped: Sequence[str]) -> tuple[Effect, ...]:
     """The given effects, and those found that move points: everything else is looked for again on the next map.
 
     Args:
-        fitted: effects of the sensor at the end of a round.
+        final: effects of the sensor at the end of a round.
         given: effects of the sensor that the calibration began with.
         dropped: see `dropped_effects`.
     """
-    latest = {one.name: one for one in fitted if moves_points(one.name) and one.name not in dropped}
+    latest = {one.name: one for one in final if moves_points(one.name) and one.name not in dropped}
     names = {one.name for one in given}
     return (*(latest.get(one.name, one) for one in given), *(latest[name] for name in latest if name not in names))
 
