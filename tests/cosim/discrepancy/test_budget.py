@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.discrepancy.budget import HeldOut
+from cosim.discrepancy.budget import Budget, HeldOut
 from cosim.discrepancy.settings import DEFAULT
 
 _BEFORE = np.array([0.40, 0.44, 0.38, 0.41, 0.42, 0.39])
@@ -39,3 +39,10 @@ def test_equal_better_or_uncertain_models_do_not(after: np.ndarray) -> None:
 
 def test_one_frame_shows_no_significant_rise() -> None:
     assert not held_out(_BEFORE[:1]).rises_to(held_out(_BEFORE[:1] + 1), DEFAULT.at_floor, DEFAULT.level)
+
+
+def test_parts_are_scaled_to_what_exceeds_the_noise() -> None:
+    parts = {"noise": 0.4, "poses": 0.3, "missing": 0.3}
+    budget = Budget(1.0, 0.5, 0.6, 0.4, parts, (), ())
+    assert budget.scaled_to(1.6) == pytest.approx({"noise": 0.4, "poses": 0.6, "missing": 0.6})
+    assert budget.scaled_to(0.3) == pytest.approx({"noise": 0.3, "poses": 0.0, "missing": 0.0})
