@@ -197,8 +197,8 @@ def _round(
 ) -> Round:
     """Map and diagnosis with one sensor file; effects that earlier rounds found, and guesses, are fitted along.
 
-    The next map is made with the effects of `start` and those found that move points. So whatever the first maps, which
-    are inexact, are mistaken in is forgotten.
+    The next map is made with the effects of `start` and those found that move points. All others are looked for again,
+    because they may be errors of this map.
     """
     begun_s = time.process_time()
     shutil.rmtree(round_folder / "twin", ignore_errors=True)  # of a run that was stopped
