@@ -117,8 +117,8 @@ def _transfers(rounds: Sequence[Round], scores: Sequence[dict[str, Scores]]) -> 
         for row in one.transfers:
             transfer = Transfer(**{**row, "round": one.number})
             if later is not None and moves_points(transfer.effect) and not (transfer.high or 0.0) < 0:
-                transfer = Transfer(
-                    transfer.effect, later.mean, later.low, later.high, "map", later.is_fall, one.number
+                transfer = replace(
+                    transfer, change=later.mean, low=later.low, high=later.high, by="map", is_accepted=later.is_fall
                 )
             elif moves_points(transfer.effect):
                 transfer = replace(transfer, is_accepted=bool(transfer.high is not None and transfer.high < 0))

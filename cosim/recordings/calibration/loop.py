@@ -222,7 +222,8 @@ def _round(
     dropped = dropped_effects(found.refitted, given)
     next_effects = effects_of_next_map(found.sensor.effects, given, dropped)
     write_sensor(SensorModel(sensor.pattern, next_effects, sensor.origin), round_folder / _NEXT)
-    is_last = last or not is_moved(fitted_effects(found), sensor.effects, next_effects)
+    moved = is_moved(fitted_effects(found), sensor.effects, next_effects)
+    is_last = last or not moved
     transfers = step_transfers(found)
     judgement = Judgement(
         transfers=[asdict(one) for one in transfers],
@@ -235,9 +236,8 @@ def _round(
         cpu_s=round(time.process_time() - begun_s, 1),
     )
     finished = round_of(
-        number, _said(before, folder), _said(after, folder), sensor.effects, next_effects, found, twin.as_json(),
-        judgement,
-    )  # fmt: skip
+        number, _said(before, folder), _said(after, folder), sensor.effects, moved, found, twin.as_json(), judgement
+    )
     finished.write(round_folder)
     for copies in (twin.folder / "velodyne", twin.folder / "rays", round_folder / _SEGMENTS):  # of what is elsewhere
         shutil.rmtree(copies, ignore_errors=True)

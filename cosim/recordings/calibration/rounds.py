@@ -120,7 +120,7 @@ def round_of(
     sensor: str,
     sensor_out: str,
     before: Sequence[Effect],
-    after: Sequence[Effect],
+    moved: bool,
     diagnosis: Diagnosis,
     made: Mapping[str, Any],
     judgement: Judgement,
@@ -130,7 +130,8 @@ def round_of(
     Args:
         number: from 1.
         sensor, sensor_out: files, relative to the calibration's folder.
-        before, after: effects that its map was made with, and those that the next one would be made with.
+        before: effects of the sensor that it began with.
+        moved: see `is_moved`.
         diagnosis: the diagnosis.
         made: `RecordingTwin.as_json` of its map.
         judgement: of its findings.
@@ -155,7 +156,7 @@ def round_of(
         thickness_ground_m=made["thickness_ground_m"],
         thickness_walls_m=made["thickness_walls_m"],
         held_out_m=made["error_held_out_m"],
-        moved=is_moved(fitted_effects(diagnosis), before, after),
+        moved=moved,
         **vars(judgement),
         notes=list(dict.fromkeys((*made["notes"], *diagnosis.notes))),
     )
@@ -184,7 +185,8 @@ def result_of(rounds: Sequence[Round], number: int) -> list[dict[str, Any]]:
 
 def fitted_effects(diagnosis: Diagnosis) -> dict[str, Mapping[str, Any]]:
     """`params` and `ci95` of each effect that a diagnosis found, or fitted again."""
-    return {**{one["effect"]: one for one in diagnosis.to_json()["effects"]}, **diagnosis.refitted}
+    found = {one.effect: {"params": one.params, "ci95": one.ci95} for one in diagnosis.effects}
+    return {**found, **diagnosis.refitted}
 
 
 def dropped_effects(refitted: Mapping[str, Mapping[str, Any]], given: Sequence[Effect]) -> list[str]:

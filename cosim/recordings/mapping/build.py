@@ -18,9 +18,10 @@ from cosim.recordings.mapping.adjust import OUTLIER_M, adjusted, place, placed_i
 from cosim.recordings.mapping.level import ground, levelled, up
 from cosim.recordings.mapping.motion import applied, motions
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
+from cosim.recordings.mapping.normals import planes
 from cosim.recordings.mapping.odometry import Trajectory
 from cosim.recordings.mapping.scans import cloud_of, local_scans
-from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, planes, solid_shares
+from cosim.recordings.mapping.surfels import Surfels, SurfelSettings, make_surfels, solid_shares
 from cosim.recordings.recording import Recording
 from cosim.recordings.scan import RecordingError
 from cosim.recordings.settings import RecordingMount

@@ -1,4 +1,4 @@
-"""Normals of small planes from the planes around them, where all of these lie on one larger plane.
+"""Planes through points, and normals of small planes from those around them, where most lie on one larger plane.
 
 The points of a cell of a few decimetres determine its normal to one or two degrees. Where beams graze the ground, this
 is as much as the angle between beam and surface, and everything that depends on the incidence would be underestimated
@@ -16,6 +16,32 @@ _FEWEST = 6
 _MAJORITY = 0.5  # of the planes around, at least, lie on the larger plane
 _AGREEING = np.cos(np.radians(30.0))  # between the normals of neighbours on one plane
 _SIGMAS, _LEAST_M = 3.0, 0.005
+
+
+def planes(
+    xyz: np.ndarray, cell: np.ndarray, cells: int, weight: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (m, 3), normal (m, 3) and variances along the axes (m, 3), the smallest first, of the points of cells.
+
+    Args:
+        xyz: (n, 3) points [m].
+        cell: (n,) number of the cell of each.
+        cells: number m of cells.
+        weight: (n,) of the points, a number of points or 0; by default all 1.
+    """
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.bincount(cell, values if weight is None else weight * values, cells)
+
+    count = np.maximum(np.bincount(cell, weight, cells), 1)
+    centre = np.stack([total(xyz[:, axis]) for axis in range(3)], 1) / count[:, None]
+    rest = xyz - centre[cell]
+    scatter = np.empty((cells, 3, 3))
+    for a in range(3):
+        for b in range(a, 3):
+            scatter[:, a, b] = scatter[:, b, a] = total(rest[:, a] * rest[:, b]) / count
+    variance, axes = np.linalg.eigh(scatter)
+    return centre, axes[:, :, 0], np.maximum(variance, 0.0)
 
 
 def steadied(centre: np.ndarray, normal: np.ndarray, points: np.ndarray, sd_m: np.ndarray, cell_m: float) -> np.ndarray:
@@ -44,7 +70,8 @@ def steadied(centre: np.ndarray, normal: np.ndarray, points: np.ndarray, sd_m: n
     room_m = _LEAST_M + _SIGMAS * np.hypot(mean_m[:, None], slope[:, None] * away)
     on_plane = exists & agree & (off <= room_m)
     weight = points[others] * on_plane.astype(float)
-    axes, variance = _planes(rest, weight)
+    cell = np.repeat(np.arange(len(centre)), rest.shape[1])
+    _, axes, variance = planes(rest.reshape(-1, 3), cell, len(centre), weight.ravel())
     spread_m = np.sqrt(variance)
     is_flat = (
         (on_plane.sum(1) >= np.maximum(_FEWEST, _MAJORITY * exists.sum(1)))
@@ -54,12 +81,3 @@ def steadied(centre: np.ndarray, normal: np.ndarray, points: np.ndarray, sd_m: n
     side = np.einsum("mk,mkj,mj->m", weight, normal[others], axes)
     axes = np.where(side[:, None] < 0, -axes, axes)
     return np.where(is_flat[:, None], axes, normal)
-
-
-def _planes(rest: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (m, 3) and variances (m, 3), smallest first, of k points (m, k, 3) with weights (m, k)."""
-    total = np.maximum(weight.sum(1), 1e-9)
-    about = rest - (np.einsum("mk,mkj->mj", weight, rest) / total[:, None])[:, None]
-    scatter = np.einsum("mk,mki,mkj->mij", weight, about, about) / total[:, None, None]
-    variance, axes = np.linalg.eigh(scatter)
-    return axes[:, :, 0], np.maximum(variance, 0.0)

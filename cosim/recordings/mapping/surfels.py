@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.drives.twin.surfels import cell_keys, sides
-from cosim.recordings.mapping.normals import steadied
+from cosim.recordings.mapping.normals import planes, steadied
 
 _CHUNK = 1_000_000  # points at a time
 _SOLID_SIGMAS, _SOLID_LEAST_M, _ABOUT = 3.0, 0.03, 0.75
@@ -143,27 +143,14 @@ def make_surfels(cloud: Cloud, settings: SurfelSettings, *, steady: bool = False
         sd = np.sqrt(np.maximum(variance[:, 0], 1e-8))
         kept = np.abs(off) < 3 * sd[cell]
     good = (np.sqrt(variance[:, 0]) < settings.thickest_m) & (variance[:, 0] < settings.flattest * variance[:, 1])
-    rows, cell = rows[kept], cell[kept]
+    rows, cell, off = rows[kept], cell[kept], off[kept]
     if steady:
         points = np.bincount(cell, minlength=len(count))
         normal[good] = steadied(centre[good], normal[good], points[good], sd[good], settings.cell_m)
-    off = np.einsum("ij,ij->i", cloud.xyz[rows] - centre[cell], normal[cell])
+        off = np.einsum("ij,ij->i", cloud.xyz[rows] - centre[cell], normal[cell])
     surfels = _described(cloud, rows, cell, key[start], centre, normal, off)
     good &= (surfels.scans >= settings.least_scans) & (surfels.points >= settings.least_points)
     return surfels[good], int((~good).sum())
-
-
-def planes(xyz: np.ndarray, cell: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean (m, 3), normal (m, 3) and variances along the axes (m, 3), the smallest first, of the points of cells."""
-    count = np.maximum(np.bincount(cell, minlength=cells), 1)
-    centre = np.stack([np.bincount(cell, xyz[:, axis], cells) for axis in range(3)], 1) / count[:, None]
-    rest = xyz - centre[cell]
-    scatter = np.empty((cells, 3, 3))
-    for a in range(3):
-        for b in range(a, 3):
-            scatter[:, a, b] = scatter[:, b, a] = np.bincount(cell, rest[:, a] * rest[:, b], cells) / count
-    variance, axes = np.linalg.eigh(scatter)
-    return centre, axes[:, :, 0], np.maximum(variance, 0.0)
 
 
 def _described(
