@@ -34,10 +34,11 @@ EFFECTS = (
 FURTHER = ("focal_response",)  # when named with --only
 NULLS = 4
 ORDERS = ("rings", "firings", "shuffled")
+_EVERY_S = 0.1
 _BASE = {
     "frames": 60,
     "frames_per_episode": 60,
-    "collection": {"every_s": 0.1, "min_travel_m": 0, "company_m": 1000},
+    "collection": {"every_s": _EVERY_S, "min_travel_m": 0, "company_m": 1000},
     "images": [],
 }
 _TOWNS = ("town01", "town07")
@@ -106,7 +107,8 @@ def cases(seed: int) -> list[Case]:
 def base_drive(case: Case, folder: Path) -> Path:
     """Sixty scans, ten a second, of a moving car; simulated now if they are not there.
 
-    The traffic seed is the first one, from the seed of all cases, with which the car moves far enough.
+    The traffic seed is the first one, from the seed of all cases, with which the car moves far enough and no instants are
+    left out.
     """
     drive = folder / "base" / f"{case.town}_{case.pattern}"
     chosen = folder / "base" / f"{case.town}.seed"
@@ -117,7 +119,7 @@ def base_drive(case: Case, folder: Path) -> Path:
         seed = int(chosen.read_text()) if chosen.exists() else case.seed // 1000
         own = ["--town", case.town, "--sensor", case.pattern, "--workers", "1", "--out", drive]
         _cosim("run", settings, *own, "--seed", seed)
-        while path_length_m(drive) < _PATH_M:
+        while path_length_m(drive) < _PATH_M or longest_pause_s(drive) > 1.5 * _EVERY_S:
             shutil.rmtree(drive)
             seed += 1
             _cosim("run", settings, *own, "--seed", seed)
@@ -133,7 +135,7 @@ def _smooth_motion(drive: Path) -> None:
     sweeps.
     """
     files = sorted((drive / "twin" / "frames").glob("*.json"))
-    frames = [json.loads(file.read_text()) for file in files]
+    frames = _twin_frames(drive)
     poses = np.array([frame["ego"]["pose"] for frame in frames])
     time_s = np.array([frame["time_s"] for frame in frames])
     velocity = np.gradient(poses[:, :3, 3], time_s, axis=0)
@@ -145,9 +147,17 @@ def _smooth_motion(drive: Path) -> None:
 
 def path_length_m(drive: Path) -> float:
     """Length of the path of the car of a simulated drive [m]."""
-    frames = [json.loads(file.read_text()) for file in sorted((drive / "twin" / "frames").glob("*.json"))]
-    places = np.array([frame["ego"]["pose"] for frame in frames])[:, :2, 3]
+    places = np.array([frame["ego"]["pose"] for frame in _twin_frames(drive)])[:, :2, 3]
     return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
+def longest_pause_s(drive: Path) -> float:
+    """Longest time between two successive frames of a simulated drive [s]."""
+    return float(np.diff([frame["time_s"] for frame in _twin_frames(drive)]).max())
+
+
+def _twin_frames(drive: Path) -> list[dict[str, Any]]:
+    return [json.loads(file.read_text()) for file in sorted((drive / "twin" / "frames").glob("*.json"))]
 
 
 def made(case: Case, folder: Path) -> tuple[Path, Path, Path]:
