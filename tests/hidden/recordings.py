@@ -107,8 +107,8 @@ def cases(seed: int) -> list[Case]:
 def base_drive(case: Case, folder: Path) -> Path:
     """Sixty scans, ten a second, of a moving car; simulated now if they are not there.
 
-    The traffic seed is the first one, from the seed of all cases, with which the car moves far enough and no instants are
-    left out.
+    The traffic seed is the first one, from the seed of all cases, with which the car moves far enough, without instants
+    that are left out.
     """
     drive = folder / "base" / f"{case.town}_{case.pattern}"
     chosen = folder / "base" / f"{case.town}.seed"
