@@ -68,8 +68,10 @@ class Fitted:
     bare: Prediction
 
 
-# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises.
+# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises. The first one that is tried comes
+# before the one that was successful in the last step.
 _ATTEMPTS = ((0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0))
+_MOST_FAILURES = 2  # successive steps without any rise, between which the variances were updated
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,6 +331,7 @@ class Fitter:
         slopes: tuple[Column, ...] = ()
         lists = list_numbers(state.effects, free) * self.sample.of_own_map
         precision = np.zeros(len(lists))
+        tried_first, failures = 0, 0
 
         def objective(candidate: _State) -> float:
             return self._penalised_loglik(candidate) - 0.5 * float(precision @ deviations(candidate.effects, free) ** 2)
@@ -352,7 +355,7 @@ class Fitter:
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
             gain = -np.inf
-            for damping, fraction in _ATTEMPTS:
+            for attempt, (damping, fraction) in enumerate(_ATTEMPTS[tried_first:], tried_first):
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
                 step = self._remove_common_gain(state.effects, free, step)
@@ -365,8 +368,10 @@ class Fitter:
                 trial = self._optimise_albedo(candidate, blur, state.estimate)
                 reached = objective(trial)
                 if reached > value:
-                    gain, state = reached - value, trial
+                    gain, state, tried_first, failures = reached - value, trial, max(attempt - 1, 0), 0
                     break
+            else:
+                tried_first, failures = 0, failures + 1
             if lists.any():
                 information = model.fixed_information[: len(lists), : len(lists)] + np.diag(precision)
                 precision = updated_prior_precisions(lists, deviations(state.effects, free), information)
@@ -375,11 +380,8 @@ class Fitter:
                 np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12)
             )
             state = self._with_surface_spread(replace(state, estimate=after), blur)
-            if (
-                gain < max(self.settings.descent.gain, 1e-7 * abs(value))
-                and (is_stationary or number + 1 >= steps)
-                and number >= 2
-            ):
+            is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value))
+            if is_small and number >= 2 and (is_stationary or failures >= _MOST_FAILURES):
                 break
         return state
 
