@@ -68,8 +68,8 @@ class Fitted:
     bare: Prediction
 
 
-# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises. The first one that is tried comes
-# before the one that was successful in the last step.
+# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises. The first one that is tried
+# comes before the one that was successful in the last step.
 _ATTEMPTS = ((0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0))
 _MOST_FAILURES = 2  # successive steps without any rise, between which the variances were updated
 
