@@ -32,6 +32,11 @@ class Unknown:
     high: float
     rings: int
 
+    @property
+    def is_direction(self) -> bool:
+        """Whether it is an angle on the full circle [°], for which effects allow one turn to each side."""
+        return (self.low, self.high) == (-360.0, 360.0)
+
 
 def unknowns(kind: type[Effect]) -> tuple[Unknown, ...]:
     """Fittable parameters of an effect, in order; those with choices, and optional ones without a scale, are excluded.

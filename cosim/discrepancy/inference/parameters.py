@@ -78,12 +78,14 @@ def has_moved(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: 
 
 
 def apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:
-    """Add a step (p,) to the free parameters."""
+    """Add a step (p,) to the free parameters; angles on the full circle stay within ±180°."""
     changed, start = list(effects), 0
     for parameter in free:
         value = np.asarray(getattr(changed[parameter.effect], parameter.unknown.name), float)
         part = step[start : start + parameter.unknown.rings]
         start += parameter.unknown.rings
         moved = value + (part if value.ndim else part[0])
+        if parameter.unknown.is_direction:
+            moved = (moved + 180) % 360 - 180
         changed[parameter.effect] = with_values(changed[parameter.effect], {parameter.unknown.name: moved})
     return tuple(changed)
