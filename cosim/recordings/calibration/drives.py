@@ -119,7 +119,7 @@ def calibrate_drives(
             )
         )
     estimates = [{**estimates_of(one.result), **_cones(one)} for one in found]
-    models = [load_sensor(one.folder / one.rounds[-1].sensor_out) for one in found]
+    models = [load_sensor(one.folder / one.result.sensor_out) for one in found]
     shown = [(_shown(one), model.effects) for one, model in zip(found, models, strict=True)]
     apart = [direction_error(shown[0][0], pattern, shown[0][1], effects) for pattern, effects in shown[1:]]
     combined = combine(estimates)
@@ -158,7 +158,7 @@ def _combined_sensor(
     """The first drive's accepted effects, and those of the others, with the combined parameters."""
     effects: dict[str, Effect] = {}
     for one in calibrations:
-        accepted = one.folder / one.rounds[-1].accepted
+        accepted = one.folder / one.result.accepted
         for effect in load_sensor(accepted).effects:
             effects.setdefault(effect.name, effect)
     values: dict[tuple[str, str], dict[int | None, float]] = {}
