@@ -188,29 +188,36 @@ def drop_insignificant(
 ) -> tuple[FittedModel, tuple[ReportedTerm, ...]]:
     """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
 
-    No change is the neutral value of an added effect, and the given value of an effect that the sensor has.
+    One after the other, the latest first: if two findings compensate each other, both intervals include no change, but
+    that of the first does not without the second. No change is the neutral value of an added effect, and the given
+    value of an effect that the sensor has.
     """
-    initial = context.initial_effects
+    findings = tuple(findings)
+    while idle := _latest_idle(context, model, findings):
+        context.on_progress(f"dropped {idle}: the interval includes no change")
+        model = _without_effect(context, model, idle)
+        findings = tuple(one for one in findings if one.name != idle)
+    return model, findings
+
+
+def _latest_idle(context: Context, model: FittedModel, findings: Sequence[ReportedTerm]) -> str:
+    """The latest finding of the catalogue of which every amplitude's interval includes no change, or nothing."""
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
-    idle = {
-        one.name
-        for one in findings
-        if one.unknown is None
-        and one.interval is None
-        and _is_unchanged(model, one.name, ci95.get(one.name, {}), initial)
-    }
-    if not idle:
-        return model, tuple(findings)
-    context.on_progress(f"dropped {', '.join(sorted(idle))}: the interval includes no change")
-    names = {model.fitted.effects[index].name for index in model.free} - idle
-    effects = tuple(
-        effect if effect.name not in idle else initial[index]
-        for index, effect in enumerate(model.fitted.effects)
-        if effect.name not in idle or index < len(initial)
-    )
+    of_catalogue = [one.name for one in reversed(findings) if one.unknown is None and one.interval is None]
+    initial = context.initial_effects
+    return next((name for name in of_catalogue if _is_unchanged(model, name, ci95.get(name, {}), initial)), "")
+
+
+def _without_effect(context: Context, model: FittedModel, name: str) -> FittedModel:
+    """The model fitted without an effect, or with the given parameters of an effect that the sensor has."""
+    initial, effects = context.initial_effects, model.fitted.effects
+    index = next(index for index, effect in enumerate(effects) if effect.name == name)
+    names = {effects[other].name for other in model.free if other != index}
+    replaced = (initial[index],) if index < len(initial) else ()
+    effects = (*effects[:index], *replaced, *effects[index + 1 :])
     free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
     fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
-    return replace(model, fitted=fitted, free=free), tuple(one for one in findings if one.name not in idle)
+    return replace(model, fitted=fitted, free=free)
 
 
 def _is_unchanged(model: FittedModel, name: str, ci95: dict[str, Any], initial: Sequence[Effect]) -> bool:

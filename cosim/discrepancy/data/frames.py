@@ -26,6 +26,8 @@ from sensors.sensor_model import SensorModel
 from sensors.shot import Shot
 from sensors.world import TracerCache, World
 
+_CELL_PRIOR = 10.0  # beams' worth of the scan's share of unmapped returns in each cell
+
 
 @dataclass(frozen=True, eq=False)
 class TracedFrame:
@@ -50,7 +52,7 @@ class TracedFrame:
         map: map made from the drive's scans, if the twin is one; else None.
         surface: (n,) int32 row of the map surface that each beam hits; −1 for none or without a map.
         at_end: (n,) bool beams near the end of a map, beyond which they hit nothing; none without a map.
-        unmapped: share of the beams towards a map's surfaces that something stops that is not in the map.
+        unmapped: (n,) share of the beams towards a map's surfaces there that something stops that is not in the map.
         settings: settings of the loop.
     """
 
@@ -73,7 +75,7 @@ class TracedFrame:
     map: MapSurfaces | None
     surface: np.ndarray
     at_end: np.ndarray
-    unmapped: float
+    unmapped: np.ndarray
     settings: Settings
 
     @property
@@ -205,7 +207,7 @@ class FrameTracer:
             map=own_map,
             surface=surface,
             at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
-            unmapped=0.0 if stopped is None else _share_of_returns(stopped, trusted & observed.returned, ~edge),
+            unmapped=np.zeros(len(edge)) if stopped is None else _unmapped(shot, observed, stopped, trusted, ~edge),
             settings=self.settings,
         )
         shot.is_texture_known = made.is_surveyed
@@ -243,10 +245,29 @@ def _read_trust(
     return trusted, sigma_m / np.maximum(steep, grazing), sigma_intensity
 
 
-def _share_of_returns(stopped: np.ndarray, returned: np.ndarray, among: np.ndarray) -> float:
-    """Share of stopped beams among these and the returned ones, of the beams in a mask; all (n,) bool."""
-    stopped, returned = stopped & among, returned & among
-    return float(stopped.sum() / max(np.count_nonzero(stopped | returned), 1))
+def _unmapped(
+    shot: Shot, observed: Observed, stopped: np.ndarray, trusted: np.ndarray, among: np.ndarray
+) -> np.ndarray:
+    """Share (n,) of beams that something unmapped stops, by cell of the static world of what they should hit.
+
+    Shares of cells with few beams are drawn towards that of the scan, which beams without a hit get.
+
+    Args:
+        shot, observed: beams of a scan as traced and as measured.
+        stopped: (n,) mask of beams that return from something unmapped.
+        trusted: (n,) mask of those that can be compared.
+        among: (n,) mask of the beams that count.
+    """
+    stopped, counted = stopped & among, (stopped | (trusted & observed.returned)) & among
+    usual = float(stopped.sum() / max(np.count_nonzero(counted), 1))
+    met, _ = _world_points(shot, observed)
+    has_hit = np.isfinite(met[:, 0])
+    places = np.floor(met[has_hit, :2] / DEFAULT.sampling.cell_m).astype(int)
+    _, cell = np.unique(places, axis=0, return_inverse=True)
+    counts = [np.bincount(cell.ravel(), values[has_hit]) for values in (stopped, counted)]
+    shares = np.full(len(stopped), usual)
+    shares[has_hit] = ((counts[0] + _CELL_PRIOR * usual) / (counts[1] + _CELL_PRIOR))[cell.ravel()]
+    return shares
 
 
 def _on_map(

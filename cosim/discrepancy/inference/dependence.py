@@ -153,6 +153,40 @@ def channel_slopes(
     return slopes
 
 
+def moved_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tuple[Dependence, ...]:
+    """Add a step (c,) to the coefficients of all dependences; shares of spurious returns are fitted elsewhere."""
+    moved, start = [], 0
+    for dependence in dependences:
+        part = 0.0 if dependence.is_one_sided else step[start : start + dependence.size]
+        moved.append(replace(dependence, coefficients=dependence.coefficients + part))
+        start += dependence.size
+    return tuple(moved)
+
+
+def updated_spurious_shares(
+    sample: Sample, expected: Prediction, likelihood: np.ndarray, dependences: Sequence[Dependence]
+) -> tuple[Dependence, ...]:
+    """Update the shares of spurious returns by one step of expectation maximisation.
+
+    Args:
+        sample: of beams.
+        expected: prediction with the dependences.
+        likelihood: (n,) of each beam's outcome.
+        dependences: of which the one-sided ones are updated.
+    """
+    share, density = sample.share * sample.compared * sample.first, spurious_densities(sample, expected)
+    least = sample.settings.likelihood.least_spurious_share
+    updated = []
+    for dependence in dependences:
+        if dependence.is_one_sided:
+            start = np.where(dependence.coefficients > 0, dependence.coefficients, least)
+            new = dependence.basis.T @ (share * density[dependence.channel] / likelihood)
+            start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
+            dependence = replace(dependence, coefficients=start)
+        updated.append(dependence)
+    return tuple(updated)
+
+
 def _bent(range_m: np.ndarray, shift_m: np.ndarray) -> np.ndarray:
     """Ranges (n,) of beams turned so that they would move by `shift_m` (n,) in linear approximation."""
     ratio = shift_m / np.maximum(np.nan_to_num(range_m), 0.5)

@@ -18,18 +18,22 @@ from cosim.discrepancy.inference.dependence import (
     apply_changes,
     changes_of,
     channel_slopes,
-    spurious_densities,
+    moved_dependences,
+    updated_spurious_shares,
 )
 from cosim.discrepancy.inference.derivatives import Derivatives
-from cosim.discrepancy.inference.likelihood import Residuals, intensity_loglik, range_spread_m, residuals_of
+from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
+from cosim.discrepancy.inference.map_albedo import updated_map_albedo
 from cosim.discrepancy.inference.parameters import (
     Free,
+    acts_on_spreads,
     apply_step,
     deviations,
     has_moved,
     list_numbers,
     updated_prior_precisions,
+    without_common_gain,
 )
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import Column, Evidence, Quantity, dispersion
@@ -68,9 +72,13 @@ class Fitted:
     bare: Prediction
 
 
-# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises. The first one that is tried
-# comes before the one that was successful in the last step.
-_ATTEMPTS = ((0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (0.01, 1.0), (0.1, 1.0), (1.0, 1.0), (10.0, 1.0))
+# Damping and length of the Gauss–Newton steps that are tried until the likelihood rises, and whether spreads change.
+# Scores of spreads come from differences of neighbouring beams, and are no derivative of this likelihood: the other
+# parameters must be able to move without them. The first attempt comes before the one that was successful last.
+_ATTEMPTS = (
+    (0.0, 1.0, True), (0.0, 1.0, False), (0.0, 0.5, True), (0.0, 0.25, True),
+    (0.01, 1.0, True), (0.1, 1.0, True), (1.0, 1.0, True), (10.0, 1.0, True),
+)  # fmt: skip
 _MOST_FAILURES = 2  # successive steps without any rise, between which the variances were updated
 
 
@@ -355,15 +363,19 @@ class Fitter:
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
             gain = -np.inf
-            for attempt, (damping, fraction) in enumerate(_ATTEMPTS[tried_first:], tried_first):
+            is_spread = acts_on_spreads(columns[: len(free)])
+            for attempt, (damping, fraction, moves_spreads) in enumerate(_ATTEMPTS[tried_first:], tried_first):
+                if not moves_spreads and not is_spread.any():
+                    continue
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
-                step = self._remove_common_gain(state.effects, free, step)
+                step = without_common_gain(state.effects, free, step, self.sample.of_own_map)
+                step = step if moves_spreads else np.where(is_spread, 0.0, step)
                 if not all(np.isfinite(part).all() for part in (step, change_u, change_c)):
                     continue
                 moved = replace(state.estimate, u=state.estimate.u + fraction * change_u)
                 moved_effects = apply_step(state.effects, free, fraction * step)
-                dependences = _step_dependences(state.dependences, fraction * change_c)
+                dependences = moved_dependences(state.dependences, fraction * change_c)
                 candidate = self._state(moved_effects, moved, blur, dependences, state)
                 trial = self._optimise_albedo(candidate, blur, state.estimate)
                 reached = objective(trial)
@@ -414,69 +426,17 @@ class Fitter:
         """Update the shares of spurious returns by one step of expectation maximisation."""
         if not any(dependence.is_one_sided for dependence in state.dependences):
             return state
-        sample, share = self.sample, self.sample.share * self.sample.compared * self.sample.first
-        density = spurious_densities(sample, state.prediction)
         likelihood = np.exp(self.residuals(state.prediction, state.estimate, blur).outcome)
-        dependences = []
-        for dependence in state.dependences:
-            if dependence.is_one_sided:
-                start = np.where(
-                    dependence.coefficients > 0, dependence.coefficients, self.settings.likelihood.least_spurious_share
-                )
-                new = dependence.basis.T @ (share * density[dependence.channel] / likelihood)
-                start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
-                dependence = replace(dependence, coefficients=start)
-            dependences.append(dependence)
-        return self._state(state.effects, state.estimate, blur, tuple(dependences), state)
+        dependences = updated_spurious_shares(self.sample, state.prediction, likelihood, state.dependences)
+        return self._state(state.effects, state.estimate, blur, dependences, state)
 
     def _optimise_albedo(self, state: _State, blur: float, other: Estimate | None = None) -> _State:
-        """Choose the most likely albedo of each map surface from trial values; everything else is fixed.
-
-        Only for maps made from the scans. Trial values are the albedos of `other`, by default multiples of the current
-        ones. Noise grows with brightness, so that gradient steps may fail for dark or mixed surfaces.
-        """
-        rows, sample = self.random.rows("albedo_of_map"), self.sample
-        if not sample.of_own_map or rows.stop == rows.start:
+        """Update the albedos of the surfaces of a map made from the scans; `other` as in `updated_map_albedo`."""
+        matched = self.sample.share * state.residuals.matched
+        estimate = updated_map_albedo(self.random, state.prediction, matched, state.estimate, other)
+        if estimate is state.estimate:
             return state
-        brightness, darkest = 1 + state.estimate.u[rows], self.settings.random_effects.darkest
-        trials = [1 + other.u[rows]] if other else [by * brightness for by in self.settings.descent.brightnesses]
-        penalty = self.random.precision(state.estimate)[rows] / 2
-        cell, used = np.maximum(sample.surface, 0), sample.share * (sample.surface >= 0) * state.residuals.matched
-
-        def with_brightness(values: np.ndarray) -> Estimate:
-            estimate = replace(state.estimate, u=state.estimate.u.copy())
-            estimate.u[rows] = values - 1
-            return estimate
-
-        def loglik_of(values: np.ndarray) -> np.ndarray:
-            """The part of each surface's penalised log-likelihood that depends on its albedo."""
-            expected = self.random.brightened(state.prediction, with_brightness(values))
-            return (
-                np.bincount(cell, used * intensity_loglik(sample, expected), len(values)) - penalty * (values - 1) ** 2
-            )
-
-        best, reached = brightness, loglik_of(brightness)
-        for trial in (np.maximum(values, darkest) for values in trials):
-            value = loglik_of(trial)
-            best, reached = np.where(value > reached, trial, best), np.maximum(value, reached)
-        estimate = with_brightness(best)
         return replace(state, estimate=estimate, residuals=self.residuals(state.prediction, estimate, blur))
-
-    def is_relative(self, effects: tuple[Effect, ...], parameter: Free) -> bool:
-        """Whether only differences between lasers can be determined: of gains, on maps with unknown reflectances."""
-        is_list, is_gain = parameter.unknown.rings > 1, effects[parameter.effect].channel == "intensity"
-        return is_list and is_gain and self.sample.of_own_map
-
-    def _remove_common_gain(self, effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> np.ndarray:
-        """Remove the common factor from a step (p,) of per-laser gains; it is confounded with map reflectance."""
-        step, at = step.copy(), 0
-        for parameter in free:
-            part = step[at : at + parameter.unknown.rings]
-            if self.is_relative(effects, parameter):
-                gains = np.asarray(getattr(effects[parameter.effect], parameter.unknown.name), float)
-                part -= gains * part.sum() / gains.sum()
-            at += parameter.unknown.rings
-        return step
 
     def _min_identified_share(self, free: Sequence[Free]) -> float:
         """`min_share` of `LinearModel.step`: above 0 only for per-laser lists on a map made from the scans."""
@@ -492,13 +452,3 @@ class Fitter:
     def _marginal_loglik(self, state: _State, evidence: Evidence) -> float:
         model = LinearModel.of(self.random, (), evidence, state.prediction, state.estimate)
         return self._penalised_loglik(state) - 0.5 * model.shrinkage()
-
-
-def _step_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tuple[Dependence, ...]:
-    """Add a step (c,) to the coefficients of all dependences; shares of spurious returns are fitted elsewhere."""
-    moved, start = [], 0
-    for dependence in dependences:
-        part = 0.0 if dependence.is_one_sided else step[start : start + dependence.size]
-        moved.append(replace(dependence, coefficients=dependence.coefficients + part))
-        start += dependence.size
-    return tuple(moved)

@@ -16,7 +16,7 @@ from scipy import stats
 from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.parameters import Free
+from cosim.discrepancy.inference.parameters import Free, is_relative
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Column, ridged, stacked
 from cosim.discrepancy.inference.search import interval_widening, likelihood_interval
@@ -146,7 +146,7 @@ def _variances(covariance: np.ndarray, fitter: Fitter, fitted: Fitted) -> np.nda
     variances, at = np.diag(covariance).copy(), 0
     for one in fitted.free:
         part = slice(at, at + one.unknown.rings)
-        if fitter.is_relative(fitted.effects, one):
+        if is_relative(fitted.effects, one, fitter.sample.of_own_map):
             gains = np.asarray(getattr(fitted.effects[one.effect], one.unknown.name), float)
             variances[part] = _relative_variances(covariance[part, part], gains)
         at += one.unknown.rings

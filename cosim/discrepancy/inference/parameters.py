@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.candidates import Unknown, unknowns, with_values
+from cosim.discrepancy.inference.dependence import SPREADS
+from cosim.discrepancy.inference.score import Column
 from sensors.effects.base import Effect, RoundingEffect
 
 
@@ -89,3 +91,28 @@ def apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarr
             moved = (moved + 180) % 360 - 180
         changed[parameter.effect] = with_values(changed[parameter.effect], {parameter.unknown.name: moved})
     return tuple(changed)
+
+
+def acts_on_spreads(columns: Sequence[Column]) -> np.ndarray:
+    """(p,) bool parameters that change nothing but spreads, from the derivatives of the prediction."""
+    only = [bool(column.delta) and set(column.delta) <= set(SPREADS) for column in columns]
+    return np.repeat(np.array(only, bool), [column.rings for column in columns])
+
+
+def is_relative(effects: Sequence[Effect], parameter: Free, of_own_map: bool) -> bool:
+    """Whether only differences between lasers can be determined: of gains, on maps with unknown reflectances."""
+    return of_own_map and parameter.unknown.rings > 1 and effects[parameter.effect].channel == "intensity"
+
+
+def without_common_gain(
+    effects: Sequence[Effect], free: Sequence[Free], step: np.ndarray, of_own_map: bool
+) -> np.ndarray:
+    """A step (p,) without the common factor of per-laser gains, which is confounded with a map's reflectances."""
+    step, at = step.copy(), 0
+    for parameter in free:
+        part = step[at : at + parameter.unknown.rings]
+        if is_relative(effects, parameter, of_own_map):
+            gains = np.asarray(getattr(effects[parameter.effect], parameter.unknown.name), float)
+            part -= gains * part.sum() / gains.sum()
+        at += parameter.unknown.rings
+    return step

@@ -103,7 +103,7 @@ def _columns(frame: TracedFrame, solid: Surface, chosen: dict[str, np.ndarray]) 
         "seam": frame.seam[beams],
         "compared": observed.trusted[beams],
         "at_end": frame.at_end[beams],
-        "unmapped": np.full(len(beams), frame.unmapped),
+        "unmapped": frame.unmapped[beams],
         "object_derivative": _object_derivative(frame, solid.instance, by_object_shift, point),
         "surface_derivative": np.where(solid.instance == STATIC, by_surface_shift, 0.0),
         "facing": _facing(normal) if frame.map is None else np.maximum(frame.surface[beams], 0).astype(int),

@@ -91,7 +91,7 @@ class Sample:
         seam: (n,) bool the same, but the measured intensity itself can decide.
         compared: (n,) bool beams that can be compared with the twin; of other beams only `above_m` is used.
         at_end: (n,) bool beams near the end of a map made from the scans, beyond which they hit nothing.
-        unmapped: (n,) share of the scan's beams towards such a map that something stops that is not in the map.
+        unmapped: (n,) share of the beams towards such a map there that something stops that is not in the map.
         partner: (n,) int row of the beam fired directly before or after that hits the same surface, −1 for none; common
             errors cancel in the difference.
         ring, firing, block, material, instance: (n,) int.

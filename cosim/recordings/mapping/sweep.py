@@ -28,6 +28,7 @@ _FEWEST_SURFELS = 50
 _CONE_SCANS, _ON_CONE_DEG, _NEAR_M, _FAR_M = 6, 0.06, 3.0, 20.0
 _CLEAR_SHARE = 0.1  # of points that leave or reach the cones, by which the cones decide
 _ONE = 0.15  # from 1, within which a strength is that of points as measured
+_CLEARLY_LESS = 0.5  # than the motion of points as measured
 _UPPER = 0.975
 
 Answer = Literal["yes", "no", "cannot be determined"]
@@ -64,6 +65,11 @@ class SweepEstimate:
         return "yes" if has_none else "no"
 
     @property
+    def is_without_motion(self) -> bool:
+        """Whether the strength shows that points contain none of the sensor's motion, compensated or not."""
+        return self.low <= 0 <= self.high and self.high < _CLEARLY_LESS
+
+    @property
     def _by_cones(self) -> Answer | None:
         as_is, undone, put_back = self.cones
         if as_is - undone > _CLEAR_SHARE and as_is >= put_back:
@@ -77,8 +83,12 @@ class SweepEstimate:
 
     @property
     def scale(self) -> float:
-        """Motion to remove from the points, in motions from scan to scan: 0 if they are compensated, usually 1."""
-        if self.is_compensated == "yes":
+        """Motion to remove from the points, in motions from scan to scan: usually 1.
+
+        0 if points are compensated, or contain no motion as they were measured: those of a simulated sensor that
+        measures all directions at once also lie on the cones.
+        """
+        if self.is_compensated == "yes" or self.is_without_motion:
             return 0.0
         if self.is_compensated == "cannot be determined":
             return float(self.strength > 0.5)
