@@ -46,7 +46,7 @@ _OURS: dict[str, tuple[tuple[Any, str], ...]] = {
     "traffic": ((DrivenTraffic, "step"), (DrivenTraffic, "everyone")),
     "LiDAR": ((RigLidars, "scan"),),
     "cameras": ((RigCameras, "render"),),
-    "encoding": ((recording, "encode_products"), (RigLidars, "files"), (RigLidars, "hit_files")),
+    "encoding": ((recording, "_encode_products"), (RigLidars, "files"), (RigLidars, "hit_files")),
     "writing": ((DriveWriter, "write_frame"),),
 }
 _DRAWING = ("glMultiDrawElements", "glMultiDrawElementsIndirect", "glDrawArrays", "glReadPixels")
