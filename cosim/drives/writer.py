@@ -11,6 +11,7 @@ import os
 import socket
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 import yaml
 
@@ -115,20 +116,36 @@ class DriveWriter:
         Raises:
             OutputError: it cannot be written; nothing half-written stays.
         """
-        path = self.folder / name
-        partial = partial_of(path)
-        with explained(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                with partial.open("wb") as file:
-                    file.write(data)
-                    file.flush()
-                    os.fsync(file.fileno())
-                partial.rename(path)
-            except OSError:
+        self._write_all({name: data})
+
+    def _write_all(self, files: Mapping[str, bytes]) -> None:
+        """Write all files under temporary names, then fsync all, then rename all.
+
+        A journaling file system stores all of them at the first fsync, so that the others return at once.
+        """
+        partials: dict[Path, Path] = {}
+        try:
+            with contextlib.ExitStack() as opened:
+                handles: dict[Path, BinaryIO] = {}
+                for name, data in files.items():
+                    path = self.folder / name
+                    with explained(path):
+                        path.parent.mkdir(parents=True, exist_ok=True)
+                        partials[path] = partial_of(path)
+                        handles[path] = opened.enter_context(partials[path].open("wb"))
+                        handles[path].write(data)
+                        handles[path].flush()
+                for path, file in handles.items():
+                    with explained(path):
+                        os.fsync(file.fileno())
+            for path, partial in partials.items():
+                with explained(path):
+                    partial.rename(path)
+        except OutputError:
+            for partial in partials.values():
                 with contextlib.suppress(OSError):
                     partial.unlink(missing_ok=True)
-                raise
+            raise
 
     def write_once(self, name: str, data: bytes) -> None:
         """Like `write`, unless the file is there already."""
@@ -143,8 +160,7 @@ class DriveWriter:
         self, name: str, files: Mapping[str, bytes], counts: Mapping[str, int], **about: str | float
     ) -> None:
         """Put all files of a frame in place, then list it in the manifest with `about` it."""
-        for path, data in files.items():
-            self.write(path, data)
+        self._write_all(files)
         entry = {
             "name": name,
             **about,
