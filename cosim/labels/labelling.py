@@ -62,6 +62,7 @@ class Labeller:
         self._scene = scene
         self._calibration = calibration
         self._P = calibration.projection(camera)
+        self._centre = -np.linalg.solve(self._P[:, :3], self._P[:, 3])  # optical centre in camera axes
         self._range_m = range_m
         self._min_pixels = min_pixels
         self._min_points = min_points
@@ -82,7 +83,8 @@ class Labeller:
             instance_image: (h, w) integers, index in `instances` + 1 of the visible instance, 0 elsewhere.
             points: (n,) number of beams that hit each instance; None: `min_points` is not applied.
         """
-        pixels = np.bincount(instance_image.ravel(), minlength=len(instances) + 1)[1 : len(instances) + 1]
+        seen = instance_image[instance_image > 0]
+        pixels = np.bincount(seen, minlength=len(instances) + 1)[1 : len(instances) + 1]
         rows = np.flatnonzero(pixels >= self._min_pixels)
         camera_from_world = self._calibration.velo_to_rect_matrix @ np.linalg.inv(lidar_pose)
         clipped, truncated = self._image_boxes(instances, rows, camera_from_world, instance_image)
@@ -156,12 +158,11 @@ class Labeller:
         step = max(1, int(np.sqrt((right - left) * (bottom - top) / _MAX_SAMPLES)))
         u, v = np.meshgrid(np.arange(left, right + 1, step), np.arange(top, bottom + 1, step))
         u, v = u.ravel(), v.ravel()
-        camera_matrix, offset = self._P[:, :3], np.linalg.solve(self._P[:, :3], self._P[:, 3])
-        direction = np.linalg.solve(camera_matrix, np.stack([u, v, np.ones_like(u)]).astype(float)).T
+        direction = np.linalg.solve(self._P[:, :3], np.stack([u, v, np.ones_like(u)]).astype(float)).T
         world_from_model = instances.poses[row].copy()
         world_from_model[:3, :3] *= instances.scales[row]
         model_from_camera = np.linalg.inv(camera_from_world @ world_from_model)
-        origin = model_from_camera[:3, :3] @ -offset + model_from_camera[:3, 3]
+        origin = model_from_camera[:3, :3] @ self._centre + model_from_camera[:3, 3]
         local_direction = (direction @ model_from_camera[:3, :3].T).astype(np.float32)
         _, triangle = self._scene.model(instances.models[row]).opaque.first_hit(
             np.tile(origin.astype(np.float32), (len(u), 1)), local_direction, np.full(len(u), _MAX_RANGE_M, np.float32)
