@@ -91,11 +91,14 @@ class CastShadows:
         into_camera = (instances.poses[:, :3, 3] - pose[:3, 3]) @ pose[:3, :3]
         away = np.linalg.norm(into_camera, axis=1)
         near = (away < _REACH_M) & (into_camera[:, 2] > -_BEHIND_M)
-        drawn = []
-        for row in sorted(np.flatnonzero(near).tolist(), key=lambda row: -away[row]):
-            outline = np.rint(_seen(self._kept_outline(instances, row), pose, P)).astype(np.int32)
-            if len(outline) and (outline.max(0) >= 0).all() and (outline.min(0) < shape[::-1]).all():
-                drawn.append((row, outline))
+        rows = np.flatnonzero(near)
+        rows = rows[np.argsort(-away[rows], kind="stable")].tolist()
+        outlines = _seen([self._kept_outline(instances, row) for row in rows], pose, P)
+        drawn = [
+            (row, outline)
+            for row, outline in zip(rows, outlines, strict=True)
+            if len(outline) and (outline.max(0) >= 0).all() and (outline.min(0) < shape[::-1]).all()
+        ]
         if not drawn:
             return np.zeros((0, 0), np.int32), (0, 0)
         corners = np.concatenate([outline for _, outline in drawn])
@@ -132,17 +135,33 @@ def world_points(v: np.ndarray, u: np.ndarray, depth_m: np.ndarray, pose: np.nda
     return np.linalg.solve(P[:, :3], pixels.T).T @ pose[:3, :3].T + pose[:3, 3]
 
 
-def _seen(outline: np.ndarray, pose: np.ndarray, P: np.ndarray) -> np.ndarray:
-    """Pixels (k, 2) of a convex outline (n, 3), clipped at the camera; none if it is behind the camera."""
-    projected = ((outline - pose[:3, 3]) @ pose[:3, :3]) @ P[:, :3].T + P[:, 3]
-    if projected[:, 2].min() >= _NEAR_M:
-        return np.clip(projected[:, :2] / projected[:, 2:], -_FARTHEST_PX, _FARTHEST_PX)
-    ends = np.roll(projected, -1, axis=0)
+def _seen(outlines: list[np.ndarray], pose: np.ndarray, P: np.ndarray) -> list[np.ndarray]:
+    """Pixels (k, 2) int32 of convex outlines (n, 3), clipped at the camera; none of an outline behind the camera."""
+    if not outlines:
+        return []
+    projected = ((np.concatenate(outlines) - pose[:3, 3]) @ pose[:3, :3]) @ P[:, :3].T + P[:, 3]
+    is_ahead = projected[:, 2] >= _NEAR_M
+    pixels = _pixels(projected)
+    ends = np.cumsum([len(outline) for outline in outlines]).tolist()
+    seen = []
+    for start, end in zip([0, *ends], ends, strict=False):
+        seen.append(pixels[start:end] if is_ahead[start:end].all() else _pixels(_clipped(projected[start:end])))
+    return seen
+
+
+def _clipped(outline: np.ndarray) -> np.ndarray:
+    """The part (k, 3) of a projected convex outline (n, 3) that is in front of the camera."""
+    ends = np.roll(outline, -1, axis=0)
     kept = []
-    for start, end in zip(projected, ends, strict=True):
+    for start, end in zip(outline, ends, strict=True):
         if start[2] >= _NEAR_M:
             kept.append(start)
         if (start[2] >= _NEAR_M) != (end[2] >= _NEAR_M):
             kept.append(start + (end - start) * (_NEAR_M - start[2]) / (end[2] - start[2]))
-    cut = np.reshape(kept, (-1, 3))
-    return np.clip(cut[:, :2] / cut[:, 2:], -_FARTHEST_PX, _FARTHEST_PX)
+    return np.reshape(kept, (-1, 3))
+
+
+def _pixels(projected: np.ndarray) -> np.ndarray:
+    """Nearest pixels (n, 2) int32 of projected points (n, 3)."""
+    depth = np.maximum(projected[:, 2:], _NEAR_M)
+    return np.rint(np.clip(projected[:, :2] / depth, -_FARTHEST_PX, _FARTHEST_PX)).astype(np.int32)
