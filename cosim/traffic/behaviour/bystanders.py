@@ -49,6 +49,7 @@ class _Person:
         lane: lane next to the car.
         wants, until_s: where to, and until when one stays there.
         at_m: place along the way.
+        rest: pose while one stays, as `_walk` gives it, and the state of person and car that it depends on.
     """
 
     car: str
@@ -61,6 +62,7 @@ class _Person:
     until_s: float
     at_m: float
     rng: np.random.Generator
+    rest: tuple[tuple[float, ...], list[float]] = ((), [])
 
     @property
     def name(self) -> str:
@@ -116,6 +118,8 @@ class Bystanders:
         self._seed = seed
         self._roads = roads
         self._people: dict[str, _Person] = {}
+        self._ids: tuple[str, ...] = ()
+        self._rows: dict[str, int] = {}
         self._seen: set[str] = set()  # driving or parked: no person is added near a car that has just arrived
         self._bodies: list[tuple[str, np.ndarray]] | None = None
         self._usual_m: dict[str, float] = {}  # places in their lanes of those who make room
@@ -131,15 +135,20 @@ class Bystanders:
         """
         if self._share == 0:
             return actors
-        rows = {name: row for row, name in enumerate(actors.ids)}
-        for car in [car for car in self._people if car not in rows or not actors.parked[rows[car]]]:
+        is_same = actors.ids == self._ids
+        if not is_same:
+            self._ids, self._rows = actors.ids, {name: row for row, name in enumerate(actors.ids)}
+        rows = self._rows
+        left = [car for car in self._people if car not in rows or not actors.parked[rows[car]]]
+        for car in left:
             del self._people[car]
             self._seen.discard(car)
         for row in np.flatnonzero(actors.parked).tolist():
             if actors.ids[row] not in self._seen:
                 self._come(traffic, actors, row)
-        self._seen.update(name for name, kind in zip(actors.ids, actors.kinds, strict=True) if kind != "pedestrian")
-        self._seen &= rows.keys()
+        if left or not is_same:
+            self._seen.update(name for name, kind in zip(actors.ids, actors.kinds, strict=True) if kind != "pedestrian")
+            self._seen &= rows.keys()
         self.cars.clear()
         self.cars.update(self._people)
         if not self._people and not self._usual_m:
@@ -149,8 +158,7 @@ class Bystanders:
         poses = []
         for car, person in sorted(self._people.items()):
             self._decide(person, actors.time_s)
-            middle, heading = _middle(actors, rows[car]), float(actors.heading_rad[rows[car]])
-            passers[car] = _passers_by(person, middle, heading, driving()) if person.looks else []
+            passers[car] = _passers_by(person, (actors, rows[car]), driving()) if person.looks else []
             poses.append(self._walk(person, passers[car], driving, (actors, rows[car]), traffic.step_s))
         self._make_room(motion, passers, traffic.step_s)
         return actors.and_then(self._as_actors(actors, np.array(poses))) if poses else actors
@@ -230,6 +238,9 @@ class Bystanders:
         elif person.wants == _STREET and any(passer.threatens(_STEPS_OUT_S) for passer in passers):
             goal = float(person.stations[_END])
         actors, row = car
+        state = (goal, *actors.front[row].tolist(), float(actors.heading_rad[row]))
+        if goal == person.at_m and state == person.rest[0]:
+            return person.rest[1]
         middle, heading = _middle(actors, row), float(actors.heading_rad[row])
         pace = _HURRIES_MPS if hurries else _WALKS_MPS
         onward = person.at_m + float(np.clip(goal - person.at_m, -pace * step_s, pace * step_s))
@@ -245,7 +256,10 @@ class Bystanders:
         elif goal == person.stations[_END]:
             ahead = -position
         x, y = middle + _turned(position[None], heading)[0]
-        return [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
+        pose = [x, y, actors.front[row, 2], heading + float(np.arctan2(ahead[1], ahead[0]))]
+        if goal == person.at_m:
+            person.rest = state, pose
+        return pose
 
     def _make_room(self, motion: Motion, passers: dict[str, list[_Passer]], step_s: float) -> None:
         """Make passing vehicles keep clear of people in the street, as far as their lane width allows."""
@@ -324,8 +338,9 @@ def _blocked(position: np.ndarray, person: _Person, driving: Actors) -> bool:
     return bool((found.first == 0).any())
 
 
-def _passers_by(person: _Person, centre: np.ndarray, heading: float, driving: Actors) -> list[_Passer]:
-    """Those of the driving who come by a vehicle whose middle is at `centre` (2,)."""
+def _passers_by(person: _Person, car: tuple[Actors, int], driving: Actors) -> list[_Passer]:
+    """Those of the driving who come by a person's vehicle, which is a row of the actors."""
+    centre, heading = _middle(*car), float(car[0].heading_rad[car[1]])
     door, lane, reach = person.way[3], person.lane, float(person.size[1]) / 2
     street = person.way[2:, 0]  # from the corner to the door
     standing = lane.project(centre + _turned(door[None], heading)[0])[1]

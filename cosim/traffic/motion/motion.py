@@ -136,7 +136,8 @@ class Motion:
     def lag(self) -> np.ndarray:
         """Distance (n,) [m] of moving vehicles from SUMO's positions, without their lateral offsets."""
         of = self._of
-        meant = np.abs(of["jump"]) + 4.0 * np.array([name in self._approaches for name in self._ids], float)
+        meant = np.abs(of["jump"])
+        meant[[self._rows[name] for name in self._approaches.keys() & self._rows.keys()]] += 4.0
         return np.where(self._walks, 0.0, np.maximum(_length(of["raw"] - of["front"]) - meant, 0.0))
 
     def behind(self) -> np.ndarray:
