@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sensors.scene import Instances
 
 
-_NEAR_TILES_M = 60.0
+_NEAR_TILES_M, _MIDDLE_TILES_M = 60.0, 150.0
 _NEAR_INSTANCES = 16
 
 
@@ -56,7 +56,8 @@ class Painter:
     def paint(self, view: View, instances: Instances, wanted: Collection[Content]) -> dict[Content, np.ndarray]:
         """Draw everything and read back the requested images, as `RenderTarget.read`.
 
-        Near surfaces are drawn first; of the others, only those that they do not hide.
+        Near surfaces are drawn first, then those in the middle, then those far away; of the last two, only those that
+        surfaces drawn before do not hide.
         """
         self._context.make_current()
         self._target.begin()
@@ -66,13 +67,25 @@ class Painter:
         self._draw_static(view, tiles[near])
         self._draw_instances(view, instances, actors[:_NEAR_INSTANCES])
 
-        far, actors, corners = tiles[~near], actors[_NEAR_INSTANCES:], corners[_NEAR_INSTANCES:]
+        far, distance = tiles[~near], distance[~near]
+        actors, corners = actors[_NEAR_INSTANCES:], corners[_NEAR_INSTANCES:]
         if len(far) or len(actors):
-            horizon = Horizon(self._target.read_depth(), view.clip @ view.camera_from_world, view.near_m)
-            self._draw_static(view, far[~horizon.hides(box_corners(self._static.tiles.bounds[far]))])
+            is_seen = ~self._hides_tiles(self._horizon(view), far)
+            far, distance = far[is_seen], distance[is_seen]
+            is_first = self._static.tiles.closed[far] | (distance < _MIDDLE_TILES_M)  # closed ones come before others
+            self._draw_static(view, far[is_first])
+            horizon, far = self._horizon(view), far[~is_first]
+            self._draw_static(view, far[~self._hides_tiles(horizon, far)])
             self._draw_instances(view, instances, actors[~horizon.hides(corners)])
         self._draw_sky(view)
         return self._target.read(wanted)
+
+    def _horizon(self, view: View) -> Horizon:
+        """What is drawn so far, as an occluder."""
+        return Horizon(self._target.read_depth(), view.clip @ view.camera_from_world, view.near_m)
+
+    def _hides_tiles(self, horizon: Horizon, tiles: np.ndarray) -> np.ndarray:
+        return horizon.hides(box_corners(self._static.tiles.bounds[tiles]))
 
     def close(self) -> None:
         """Destroy the context and all it holds."""
