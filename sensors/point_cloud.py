@@ -41,8 +41,9 @@ class PointCloud:
 
         Tools that recover lasers from the wrap of the azimuth, as LeGO-LOAM does, rely on it.
         """
-        turn = np.mod(self.azimuth, np.float32(2 * np.pi)).view(np.uint32)  # bits of positive floats sort as numbers
-        key = self.ring.astype(np.uint64) << np.uint64(40) | turn.astype(np.uint64) << np.uint64(8) | self.return_no
+        turn = self.azimuth + np.float32(2 * np.pi) * (self.azimuth < 0)  # `np.mod` takes five times as long
+        bits = turn.view(np.uint32).astype(np.uint64)  # of positive floats, which sort as numbers
+        key = self.ring.astype(np.uint64) << np.uint64(40) | bits << np.uint64(8) | self.return_no
         order = np.argsort(key, kind="stable")  # runs of descending azimuth, which a stable sort only reverses
         return PointCloud(*(getattr(self, field.name).take(order, axis=0) for field in fields(self)))
 
