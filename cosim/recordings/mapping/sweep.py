@@ -108,6 +108,10 @@ class SweepEstimate:
                 f"; {as_is:.0%} of the near points lie on their laser's cone as they are, {undone:.0%} with the motion "
                 f"undone and {put_back:.0%} with it put back"
             )
+        if self.is_without_motion and self.is_compensated == "no":
+            message += (
+                "; there is no motion, as of a simulated sensor that measures at one instant, and none is removed"
+            )
         return message
 
 

@@ -29,7 +29,7 @@ from cosim.recordings.mapping.motion import deskewed, motions, scan_times
 from cosim.recordings.mapping.moving import FreeSpace, looked_at
 from cosim.recordings.mapping.odometry import find_trajectory
 from cosim.recordings.mapping.surfels import Cloud, SurfelSettings, make_surfels, quads
-from cosim.recordings.mapping.sweep import sweep_motion
+from cosim.recordings.mapping.sweep import SweepEstimate, sweep_motion
 from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.effects.beams.sweep_motion import SweepMotion
 from sensors.effects.lasers import with_rings
@@ -117,6 +117,15 @@ def test_whether_points_were_freed_of_the_motion_in_a_sweep_is_fitted_along(twin
     found = sweep_motion(recording, trajectory, lines, pattern.sweep_s, SurfelSettings())
     assert found.is_compensated == "yes" and found.scale == 0
     assert found.low < 0 < found.high < 1 or found.cones[2] > found.cones[0] + 0.1
+
+
+def test_no_motion_is_removed_from_points_that_contain_none() -> None:
+    """Those of a simulated sensor that measures all directions at once lie on the cones of its lasers as well."""
+    on_cones = (1.0, 0.4, 0.4)
+    at_once = SweepEstimate(0.01, -0.03, 0.05, np.zeros(2), on_cones, {})
+    assert at_once.is_compensated == "no" and at_once.scale == 0 and "none is removed" in at_once.evidence
+    undetermined = SweepEstimate(0.3, -0.5, 1.1, np.zeros(2), on_cones, {})
+    assert undetermined.is_compensated == "no" and undetermined.scale == 1
 
 
 def test_poses_of_the_twin_are_those_of_the_drive(twin: Path) -> None:

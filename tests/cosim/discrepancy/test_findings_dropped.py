@@ -1,0 +1,33 @@
+"""Findings of which the intervals include no change are dropped, one after the other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cosim.discrepancy.analysis import context_of, trace_and_fit
+from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.missing import ReportedTerm, drop_insignificant
+from cosim.discrepancy.selection.refit import FittedModel
+from sensors.effects.points.range_bias import RangeBias
+from sensors.effects.points.range_noise import RangeNoise
+from sensors.effects.points.range_walk import RangeWalk
+from tests.cosim.discrepancy.conftest import NOISE
+from tests.cosim.discrepancy.small_drive import make_yard
+
+BIAS_M = 0.03
+
+
+def test_of_two_findings_that_compensate_each_other_the_first_stays(tmp_path: Path) -> None:
+    """A range walk that hardly depends on intensity is a bias, so that neither is determined next to the other."""
+    noise = RangeNoise(sigma_m=0.01, sigma_per_m=0.0)
+    yard = make_yard(tmp_path, (noise, RangeBias(offset_m=BIAS_M)), known=(NOISE,), frames=4)
+    context = context_of(opened(yard.drive), yard.sensor)
+    both = (*context.initial_effects, RangeBias(offset_m=BIAS_M), RangeWalk(amplitude_m=0.01, decay=0.2))
+    on = trace_and_fit(context, context.split.fit, both, (1, 2))
+    found = [ReportedTerm(name, 0.001) for name in ("range_bias", "range_walk")]
+    model, left = drop_insignificant(context, FittedModel(on.frames, on.fitter, on.fitted, (1, 2)), found)
+    assert [one.name for one in left] == ["range_bias"]
+    assert [effect.name for effect in model.fitted.effects] == ["range_noise", "range_bias"] and model.free == (1,)
+    assert model.fitted.effects[1].model_dump()["offset_m"] == pytest.approx(BIAS_M, abs=0.003)
