@@ -109,9 +109,7 @@ class SweepEstimate:
                 f"undone and {put_back:.0%} with it put back"
             )
         if self.is_without_motion and self.is_compensated == "no":
-            message += (
-                "; there is no motion, as of a simulated sensor that measures at one instant, and none is removed"
-            )
+            message += "; they contain no motion, as of a simulated sensor without a sweep, and none is removed"
         return message
 
 
