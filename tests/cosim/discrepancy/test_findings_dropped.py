@@ -20,7 +20,7 @@ BIAS_M = 0.03
 
 
 def test_of_two_findings_that_compensate_each_other_the_first_stays(tmp_path: Path) -> None:
-    """A range walk that hardly depends on intensity is a bias, so that neither is determined next to the other."""
+    """A range walk that depends little on intensity is like a bias, so that both intervals include no change."""
     noise = RangeNoise(sigma_m=0.01, sigma_per_m=0.0)
     yard = make_yard(tmp_path, (noise, RangeBias(offset_m=BIAS_M)), known=(NOISE,), frames=4)
     context = context_of(opened(yard.drive), yard.sensor)

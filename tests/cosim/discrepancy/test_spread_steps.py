@@ -21,7 +21,7 @@ LOST, NOISE_M = 0.2, 0.01
 def test_a_spread_that_cannot_rise_keeps_no_other_parameter_from_moving(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
-    """Errors of neighbours are opposite: their differences ask for more noise than the likelihood of all beams."""
+    """Errors of neighbours are opposite, so that their differences show more noise than the likelihood of all beams."""
     drive = make_yard(tmp_path_factory.mktemp("yard"), known=(NOISE,), frames=4)
     sample, rng = fit_yard(drive).fitter.sample, np.random.default_rng(0)
     error_m, pair = rng.normal(0, NOISE_M, len(sample)), np.maximum(sample.partner, 0)
