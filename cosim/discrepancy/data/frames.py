@@ -207,11 +207,37 @@ class FrameTracer:
             map=own_map,
             surface=surface,
             at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
-            unmapped=np.zeros(len(edge)) if stopped is None else _unmapped(shot, observed, stopped, trusted, ~edge),
+            unmapped=np.zeros(len(edge))
+            if stopped is None
+            else self._unmapped(shot, observed, stopped, trusted, ~edge),
             settings=self.settings,
         )
         shot.is_texture_known = made.is_surveyed
         return made
+
+    def _unmapped(
+        self, shot: Shot, observed: Observed, stopped: np.ndarray, trusted: np.ndarray, among: np.ndarray
+    ) -> np.ndarray:
+        """Share (n,) of beams that something unmapped stops, by cell of the static world of what they should hit.
+
+        Shares of cells with few beams are drawn towards that of the scan, which beams without a hit get.
+
+        Args:
+            shot, observed: beams of a scan as traced and as measured.
+            stopped: (n,) mask of beams that return from something unmapped.
+            trusted: (n,) mask of those that can be compared.
+            among: (n,) mask of the beams that count.
+        """
+        stopped, counted = stopped & among, (stopped | (trusted & observed.returned)) & among
+        usual = float(stopped.sum() / max(np.count_nonzero(counted), 1))
+        met, _ = _world_points(shot, observed)
+        has_hit = np.isfinite(met[:, 0])
+        places = np.floor(met[has_hit, :2] / self.settings.sampling.cell_m).astype(int)
+        _, cell = np.unique(places, axis=0, return_inverse=True)
+        counts = [np.bincount(cell.ravel(), values[has_hit]) for values in (stopped, counted)]
+        shares = np.full(len(stopped), usual)
+        shares[has_hit] = ((counts[0] + _CELL_PRIOR * usual) / (counts[1] + _CELL_PRIOR))[cell.ravel()]
+        return shares
 
     def _at_end(self, hits: Hits, cell_m: float) -> np.ndarray:
         """(n,) bool beams within a cell of the end of a map."""
@@ -243,31 +269,6 @@ def _read_trust(
     steep = np.abs(np.einsum("ij,ij->i", solid.normal, traced.direction))
     trusted = is_trusted & (trust.ground_range | (solid.instance >= 0))
     return trusted, sigma_m / np.maximum(steep, grazing), sigma_intensity
-
-
-def _unmapped(
-    shot: Shot, observed: Observed, stopped: np.ndarray, trusted: np.ndarray, among: np.ndarray
-) -> np.ndarray:
-    """Share (n,) of beams that something unmapped stops, by cell of the static world of what they should hit.
-
-    Shares of cells with few beams are drawn towards that of the scan, which beams without a hit get.
-
-    Args:
-        shot, observed: beams of a scan as traced and as measured.
-        stopped: (n,) mask of beams that return from something unmapped.
-        trusted: (n,) mask of those that can be compared.
-        among: (n,) mask of the beams that count.
-    """
-    stopped, counted = stopped & among, (stopped | (trusted & observed.returned)) & among
-    usual = float(stopped.sum() / max(np.count_nonzero(counted), 1))
-    met, _ = _world_points(shot, observed)
-    has_hit = np.isfinite(met[:, 0])
-    places = np.floor(met[has_hit, :2] / DEFAULT.sampling.cell_m).astype(int)
-    _, cell = np.unique(places, axis=0, return_inverse=True)
-    counts = [np.bincount(cell.ravel(), values[has_hit]) for values in (stopped, counted)]
-    shares = np.full(len(stopped), usual)
-    shares[has_hit] = ((counts[0] + _CELL_PRIOR * usual) / (counts[1] + _CELL_PRIOR))[cell.ravel()]
-    return shares
 
 
 def _on_map(
