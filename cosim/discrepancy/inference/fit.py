@@ -74,7 +74,8 @@ class Fitted:
 
 # Damping and length of the Gauss–Newton steps that are tried until the likelihood rises, and whether spreads change.
 # Scores of spreads come from differences of neighbouring beams, and are no derivative of this likelihood: the other
-# parameters must be able to move without them. The first attempt comes before the one that was successful last.
+# parameters must be able to move without them, but not where candidates are ranked: their gains are compared with the
+# same spreads. The first attempt comes before the one that was successful last.
 _ATTEMPTS = (
     (0.0, 1.0, True), (0.0, 1.0, False), (0.0, 0.5, True), (0.0, 0.25, True),
     (0.01, 1.0, True), (0.1, 1.0, True), (1.0, 1.0, True), (10.0, 1.0, True),
@@ -144,9 +145,9 @@ class Fitter:
         gradual = tuple(parameter for parameter in free if not is_by_search[parameter.effect])
         steps = self.settings.descent.steps if steps is None else steps
         if widened:
-            state = self._optimise(state, gradual, steps, simplified)
+            state = self._optimise(state, gradual, steps, simplified, roughly)
         else:
-            state = self._descend(state, gradual, 0.0, steps, simplified)
+            state = self._descend(state, gradual, 0.0, steps, simplified, roughly)
         searched_effects = self._search(state, free, roughly)
         if searched_effects != state.effects:
             state = self._state(searched_effects, state.estimate, dependences=state.dependences)
@@ -314,17 +315,17 @@ class Fitter:
             roughly=roughly,
         )
 
-    def _optimise(self, start: _State, free: tuple[Free, ...], steps: int, simplified: bool) -> _State:
+    def _optimise(self, start: _State, free: tuple[Free, ...], steps: int, simplified: bool, roughly: bool) -> _State:
         """Run Gauss–Newton; if large residuals remain, also with inflated, then reduced σ; keep the better."""
-        state = self._descend(start, free, 0.0, steps, simplified)
+        state = self._descend(start, free, 0.0, steps, simplified, roughly)
         blur_m = self.roughness(self.random.adjusted(state.prediction, state.estimate))
         if not blur_m:
             return state
         blurred = start
         while blur_m > 0:
-            blurred = self._descend(blurred, free, blur_m, steps, simplified)
+            blurred = self._descend(blurred, free, blur_m, steps, simplified, roughly)
             blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
-        blurred = self._descend(blurred, free, 0.0, steps, simplified)
+        blurred = self._descend(blurred, free, 0.0, steps, simplified, roughly)
         return max(
             state,
             blurred,
@@ -332,7 +333,13 @@ class Fitter:
         )
 
     def _descend(
-        self, state: _State, free: tuple[Free, ...], blur: float, steps: int, simplified: bool = False
+        self,
+        state: _State,
+        free: tuple[Free, ...],
+        blur: float,
+        steps: int,
+        simplified: bool = False,
+        roughly: bool = False,
     ) -> _State:
         """Run Gauss–Newton steps at one blur [m]; variances of the random effects are updated after each step."""
         state, reference = replace(state, residuals=self.residuals(state.prediction, state.estimate, blur)), None
@@ -365,7 +372,7 @@ class Fitter:
             gain = -np.inf
             is_spread = acts_on_spreads(columns[: len(free)])
             for attempt, (damping, fraction, moves_spreads) in enumerate(_ATTEMPTS[tried_first:], tried_first):
-                if not moves_spreads and not is_spread.any():
+                if not moves_spreads and (roughly or not is_spread.any()):
                     continue
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
