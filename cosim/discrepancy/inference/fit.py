@@ -371,9 +371,8 @@ class Fitter:
             state = self._update_spurious_shares(state, blur)
             gain = -np.inf
             is_spread = acts_on_spreads(columns[: len(free)])
-            for attempt, (damping, fraction, moves_spreads) in enumerate(_ATTEMPTS[tried_first:], tried_first):
-                if not moves_spreads and (roughly or not is_spread.any()):
-                    continue
+            attempts = [one for one in _ATTEMPTS if one[2] or (is_spread.any() and not roughly)]
+            for attempt, (damping, fraction, moves_spreads) in enumerate(attempts[tried_first:], tried_first):
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
                 step = without_common_gain(state.effects, free, step, self.sample.of_own_map)
