@@ -130,7 +130,7 @@ class Descent:
     gain: float = 0.05  # minimum gain in log-likelihood per step
     steps: int = 80  # maximum number of steps
     ridge: float = 1e-6  # precision of the prior of dependences' coefficients, as a share of their information
-    brightnesses: Six = (0.3, 0.7, 0.95, 1.05, 1.4, 3.0)  # trial factors on the albedo of a map surface in each step
+    brightnesses: Pair = (0.95, 1.05)  # trial factors on the albedo of a map surface in each step
     min_identified_share: float = (
         1e-5  # minimum share of information of per-laser parameters with random effects eliminated
     )

@@ -193,7 +193,8 @@ class Fitter:
 
     def start_loss(self, effects: tuple[Effect, ...], fitted: Fitted) -> float:
         """Penalised negative log-likelihood of effects at the start of a fit that is initialised by another fit."""
-        return -self._penalised_loglik(self._start(effects, fitted.estimate, fitted.dependences))
+        start = self._start(effects, fitted.estimate, fitted.dependences)
+        return -self._penalised_loglik(self._optimise_albedo(start, 0.0))
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:
         """(n,) contribution of each beam to the negative log-likelihood."""
@@ -457,4 +458,5 @@ class Fitter:
 
     def _marginal_loglik(self, state: _State, evidence: Evidence) -> float:
         model = LinearModel.of(self.random, (), evidence, state.prediction, state.estimate)
-        return self._penalised_loglik(state) - 0.5 * model.shrinkage()
+        volume = 0.5 * model.shrinkage() + self.random.log_brightness(state.estimate)
+        return self._penalised_loglik(state) - volume

@@ -30,9 +30,18 @@ def updated_map_albedo(
         return estimate
     settings = sample.settings
     brightness, darkest = 1 + estimate.u[rows], settings.random_effects.darkest
-    trials = [1 + other.u[rows]] if other else [by * brightness for by in settings.descent.brightnesses]
     penalty = random.precision(estimate)[rows] / 2
     surface, used = np.maximum(sample.surface, 0), matched * (sample.surface >= 0)
+    if other:
+        trials = [1 + other.u[rows]]
+    else:
+        expected = random.brightened(prediction, estimate).intensity
+        measured, predicted = (
+            np.bincount(surface, used * np.where(sample.returned, values, 0.0), len(brightness))
+            for values in (sample.intensity, expected)
+        )
+        by_mean = np.where(predicted > 0, measured / np.where(predicted > 0, predicted, 1.0), 1.0)
+        trials = [by * brightness for by in (by_mean, *settings.descent.brightnesses)]
 
     def with_brightness(values: np.ndarray) -> Estimate:
         changed = replace(estimate, u=estimate.u.copy())

@@ -325,6 +325,18 @@ class RandomEffects:
                 bright = bright + self._indicator_matrix(block) @ part
         return np.maximum(1 + bright, self._settings.darkest)
 
+    def log_brightness(self, estimate: Estimate) -> float:
+        """Sum of the logarithms of the factors on the reflectances of a map that was made from the scans.
+
+        The Laplace approximation subtracts it, so that the priors of these factors are flat in their logarithm. With
+        priors that are flat in the factors, models that predict lower intensities would be more likely only because
+        each factor, and with it its uncertainty, is larger.
+        """
+        if not self.sample.of_own_map:
+            return 0.0
+        factors = 1 + estimate.u[self.rows("albedo_of_map")]
+        return float(np.log(np.maximum(factors, self._settings.darkest)).sum())
+
     def _seen(self, expected: Prediction, share: np.ndarray) -> np.ndarray:
         """(n,) probability of a return if reflectances change by factors (n,): darker surfaces are lost more often.
 
