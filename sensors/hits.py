@@ -25,12 +25,15 @@ class Surface:
         normal_code: (n, 2) int16 encoded face normal in world axes.
         material: (n,) uint8 row of the material table.
         instance: (n,) int16 row of the frame's instances, −1 the static world, −2 nothing.
+        measured: (n,) float32 reflectance at 905 nm of each point where it was measured; NaN where that of the
+            material or paint applies. None: nowhere measured.
     """
 
     range_m: np.ndarray
     normal_code: np.ndarray
     material: np.ndarray
     instance: np.ndarray
+    measured: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -47,7 +50,8 @@ class Surface:
 
     def take(self, rows: np.ndarray) -> Surface:
         """The surfaces at `rows`."""
-        return Surface(self.range_m[rows], self.normal_code[rows], self.material[rows], self.instance[rows])
+        measured = None if self.measured is None else self.measured[rows]
+        return Surface(self.range_m[rows], self.normal_code[rows], self.material[rows], self.instance[rows], measured)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +104,12 @@ class Hits:
         return np.minimum(np.abs(cos, out=cos), np.float32(1), out=cos)
 
     def reflectance(self, surface: Surface) -> np.ndarray:
-        """Diffuse reflectance at 905 nm, (n,) float32; the instance's paint where the material is paint."""
+        """Diffuse reflectance at 905 nm, (n,) float32: measured, of the instance's paint, or of the material."""
         values = self.table.column("reflectance").astype(np.float32).take(surface.material)
         moving = np.flatnonzero(surface.instance >= 0)
         painted = moving[self.table.column("paint")[surface.material[moving]]]
         values[painted] = self.paint[surface.instance[painted]]
+        if surface.measured is not None:
+            values = np.where(np.isnan(surface.measured), values, surface.measured)
         values *= surface.instance != NOTHING
         return values

@@ -184,6 +184,9 @@ class FrameTracer:
         else:
             surface, trusted, twin_sigma_m, stopped = _on_map(own_map, shot, observed, ego, self.settings.beams.grazing)
             twin_sigma_intensity = np.zeros(len(observed.rays), np.float32)
+            solid = replace(traced.hits.solid, measured=own_map.reflectances(surface))
+            traced = replace(traced, hits=replace(traced.hits, solid=solid))
+            shot = Shot(pattern, beams.rays, beams=beams, traced=traced, world=world, frame_time_s=twin.time_s)
         trusted = trusted & ~np.isin(observed.rays.ring, list(self._excluded))
         border, seam = self._neighbours.at_border(traced.hits)
         edge, grazed, nearest_m = self._neighbours.at_edge(traced.hits)

@@ -130,6 +130,11 @@ class MapSurfaces(SurfelMap):
         rough = np.where(met >= 0, self.rough_m[np.maximum(met, 0)], 0.0)
         return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
+    def reflectances(self, met: np.ndarray) -> np.ndarray:
+        """(n,) float32 measured reflectances of the surfaces (n,) that are hit; NaN for none, and without intensities."""
+        values = self.reflectance[np.maximum(met, 0)]
+        return np.where((met >= 0) & (values > 0), values, np.nan).astype(np.float32)
+
     def sample(self, observations: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Sample rows of surfaces with `count` observations in total, if possible half of them on horizontal surfaces.
 

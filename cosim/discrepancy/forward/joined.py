@@ -186,4 +186,5 @@ def _surfaces(surfaces: Sequence[Surface], first: np.ndarray) -> Surface:
         np.concatenate([surface.normal_code for surface in surfaces]),
         np.concatenate([surface.material for surface in surfaces]),
         np.concatenate(instance),
+        None if surfaces[0].measured is None else np.concatenate([surface.measured for surface in surfaces]),
     )

@@ -452,6 +452,7 @@ def with_ranges(met: Surface, ranges: np.ndarray) -> Surface:
         normal_code=met.normal_code,
         material=met.material,
         instance=np.where(there, met.instance, met.instance.dtype.type(NOTHING)),
+        measured=met.measured,
     )
 
 

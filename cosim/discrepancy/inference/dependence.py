@@ -149,7 +149,7 @@ def channel_slopes(
             continue
         step = _STEPS[name]
         moved = apply_changes(sample, before, {**changes, name: changes.get(name, np.zeros(len(sample))) + step})
-        slopes[name] = {key: values / step for key, values in change(at, moved, sample.settings.likelihood).items()}
+        slopes[name] = {key: values / step for key, values in change(sample, at, moved).items()}
     return slopes
 
 

@@ -63,7 +63,7 @@ def difference_quotients(
         step: change of the parameter.
         at: prediction with `effects`.
     """
-    constants, effect = sample.settings.likelihood, effects[index]
+    effect = effects[index]
     value = np.asarray(getattr(effect, unknown.name), float)
 
     def predict(value: np.ndarray) -> Prediction:
@@ -71,7 +71,7 @@ def difference_quotients(
         return sample.predict((*effects[:index], moved, *effects[index + 1 :]))
 
     def difference(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
-        return {name: values / step for name, values in change(before, after, constants).items()}
+        return {name: values / step for name, values in change(sample, before, after).items()}
 
     right = difference(at, predict(value + step))
     if "range" not in right or np.any(np.clip(value - step, unknown.low, unknown.high) != value - step):

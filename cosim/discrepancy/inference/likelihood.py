@@ -25,7 +25,9 @@ from cosim.discrepancy.settings import LikelihoodConstants
 NU = 5.0
 SCALE = np.sqrt((NU - 2) / NU)
 MEAN_INFORMATION = (NU + 1) / (NU + 3) * NU / (NU - 2)
+SPREAD_INFORMATION = 2 * NU / (NU + 3)  # about log σ
 _LOG_NORM = float(special.gammaln((NU + 1) / 2) - special.gammaln(NU / 2) - 0.5 * np.log(NU * np.pi))
+_DARKEST = 1e-4  # intensity
 _FAR = 8.0
 _KNOTS = 1601
 
@@ -48,11 +50,13 @@ class Censored:
         loglik: log-density, or log-probability of values at a limit.
         score: derivative of `loglik` with respect to the mean, per standard deviation.
         information: expected square of the score; `MEAN_INFORMATION` far from the limits.
+        spread_score: derivative of `loglik` with respect to the logarithm of the standard deviation.
     """
 
     loglik: np.ndarray
     score: np.ndarray
     information: np.ndarray
+    spread_score: np.ndarray
 
 
 def censored(value: np.ndarray, mean: np.ndarray, spread: np.ndarray, limits: tuple[float, float]) -> Censored:
@@ -60,13 +64,15 @@ def censored(value: np.ndarray, mean: np.ndarray, spread: np.ndarray, limits: tu
     low, high = ((limit - mean) / spread for limit in limits)
     z = (value - mean) / spread
     loglik, slope = student(z) - np.log(spread), student_score(z)
+    spread_score = slope * z - 1
     for at, beyond, side in ((value <= limits[0], -low, -1.0), (value >= limits[1], high, 1.0)):
         room = beyond[at]
         outside = stats.t.sf(room / SCALE, NU)
         loglik[at] = np.log(outside)
         slope[at] = side * np.exp(student(room)) / outside
+        spread_score[at] = slope[at] * side * room
     information = _information_below(high) + _information_below(-low) - MEAN_INFORMATION
-    return Censored(loglik, slope, np.maximum(information, 0.0))
+    return Censored(loglik, slope, np.maximum(information, 0.0), spread_score)
 
 
 def _information_below(room: np.ndarray) -> np.ndarray:
@@ -93,7 +99,8 @@ class Residuals:
         range_sigma_m, intensity_sigma: standard deviations that they are divided by.
         unshared_sigma_m: the part of `range_sigma_m` that neighbouring beams do not have in common.
         intensity_score, intensity_information: score and information of the intensity with respect to its mean, in
-            standard deviations (see `Censored`).
+            standard deviations (see `Censored`). On a map that was made from the scans, the sensor's σ changes in
+            proportion to the mean.
         met: probability that the beam hit the surface of its row; 1 away from edges.
         matched: posterior probability that the return is from this surface.
         bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.
@@ -261,7 +268,18 @@ def _intensity_residuals(sample: Sample, expected: Prediction, spread: np.ndarra
     own_likelihood = constants.own_at_seams * np.exp(likelihood.loglik)
     own_share = np.where(sample.seam, own_likelihood / (own_likelihood + other_likelihood), 1.0) * ~sample.border
     loglik = np.where(sample.seam, np.log(own_likelihood + other_likelihood), likelihood.loglik) * ~sample.border
-    return (measured - mean) / spread, likelihood.score, likelihood.information, own_share, is_uncensored, loglik
+    score, information = likelihood.score, likelihood.information
+    if sample.of_own_map:
+        share = noise_slope(expected, constants) * spread
+        score = score + likelihood.spread_score * share
+        information = information + SPREAD_INFORMATION * np.where(is_censored, 0.0, share**2)
+    return (measured - mean) / spread, score, information, own_share, is_uncensored, loglik
+
+
+def noise_slope(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
+    """Derivative (n,) of the logarithm of the σ of intensities by the mean, with sensor noise in proportion to it."""
+    sensor_share = (expected.intensity_sigma / intensity_spread(expected, constants)) ** 2
+    return sensor_share / np.maximum(expected.intensity, _DARKEST)
 
 
 def range_spread_m(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:

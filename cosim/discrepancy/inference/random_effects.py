@@ -365,7 +365,7 @@ class RandomEffects:
     def designs(self, expected: Prediction, estimate: Estimate) -> dict[Quantity, SparseMatrix]:
         """(n, a) derivatives with respect to the active random effects, for each quantity that these change."""
         blocks: list[dict[Quantity, SparseMatrix]] = []
-        for (block, is_active), (_, u) in zip(self._split(self.active(estimate)), self._split(estimate.u), strict=True):
+        for block, is_active in self._split(self.active(estimate)):
             if not is_active.any():
                 continue
             if block.name == "poses":
@@ -375,9 +375,7 @@ class RandomEffects:
             else:
                 derivatives = self._intensity_design(block, expected)
             own: dict[Quantity, SparseMatrix] = {block.quantity: derivatives}
-            if block.quantity == "intensity" and block.free:
-                own["intensity_variance"] = self._spread_design(block, u)
-            elif block.quantity == "intensity":
+            if block.quantity == "intensity" and not block.free:
                 own["drop"] = self._loss_design(block, expected, estimate)
             if not is_active.all():
                 own = {name: matrix[:, np.flatnonzero(is_active)] for name, matrix in own.items()}
@@ -456,10 +454,6 @@ class RandomEffects:
         """(n, size) derivatives of the probability of a return with respect to albedo."""
         seen = self._seen(expected, self.brightness(estimate))
         return scaled(self._indicator_matrix(block), seen * (1 - seen) * expected.log_odds_by_reflectance())
-
-    def _spread_design(self, block: Block, u: np.ndarray) -> SparseMatrix:
-        """(n, size) derivatives of log σ of intensities, which is proportional to the albedo."""
-        return self._indicator_matrix(block) @ sparse.diags(1 / np.maximum(1 + u, self._settings.darkest))
 
     def _range_design(self, block: Block) -> SparseMatrix:
         """(n, size) derivatives of ranges with respect to object or map errors."""

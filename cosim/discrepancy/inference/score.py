@@ -17,6 +17,7 @@ from cosim.discrepancy.inference.likelihood import (
     MEAN_INFORMATION,
     Residuals,
     intensity_spread,
+    noise_slope,
     student_score,
     unshared_spread_m,
 )
@@ -29,6 +30,7 @@ Quantity = Literal[
 QUANTITIES: tuple[Quantity, ...] = (
     "range", "rise", "intensity", "range_variance", "intensity_variance", "drop", "spurious", "early", "late"
 )  # fmt: skip
+_ROUNDING = 1e-5  # of the logarithm of single-precision σ
 _SPREAD_INFORMATION = 2.0  # Gaussian information about log σ: E[(z² − 1)²] = 2; d E[z² − 1]/d log σ = 2
 
 
@@ -88,20 +90,29 @@ class Evidence:
         return cls(score, information)
 
     def reweighted(self, residuals: Residuals, constants: LikelihoodConstants) -> Evidence:
-        """Replace the information of outlying ranges by score/residual (iteratively reweighted least squares).
+        """Replace the information of outliers by score/residual (iteratively reweighted least squares).
 
         The expected information of a Student-t is too large for outliers, which have almost no influence; with it
         steps would be too short.
         """
-        is_outlier = np.abs(residuals.range_z) > constants.far_off
-        residual = np.where(is_outlier, residuals.range_z, 1.0) * residuals.range_sigma_m
-        curvature = np.where(is_outlier, self.score["range"] / residual, self.information["range"])
-        information: dict[Quantity, np.ndarray] = {**self.information, "range": curvature}
+        information = dict(self.information)
+        pairs: tuple[tuple[Quantity, np.ndarray], ...] = (
+            ("range", residuals.range_z), ("intensity", residuals.intensity_z)
+        )  # fmt: skip
+        for name, z in pairs:
+            if name in information:
+                outlying = np.maximum(np.abs(z), constants.far_off)
+                share = student_score(outlying) / outlying / MEAN_INFORMATION
+                information[name] = np.where(np.abs(z) > constants.far_off, share, 1.0) * information[name]
         return Evidence(self.score, information)
 
 
-def change(before: Prediction, after: Prediction, constants: LikelihoodConstants) -> dict[Quantity, np.ndarray]:
-    """Difference (n,) of two predictions by quantity; quantities that do not change are omitted."""
+def change(sample: Sample, before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
+    """Difference (n,) of two predictions by quantity; quantities that do not change are omitted.
+
+    On a map that was made from the scans, the score of the intensity includes noise in proportion to it.
+    """
+    constants = sample.settings.likelihood
     both = np.isfinite(before.range_m) & np.isfinite(after.range_m)
     # A change of the reported optical centre moves points along and across the beam; measurements are unchanged.
     differences: dict[Quantity, np.ndarray] = {
@@ -112,6 +123,9 @@ def change(before: Prediction, after: Prediction, constants: LikelihoodConstants
         "intensity_variance": np.log(intensity_spread(after, constants) / intensity_spread(before, constants)),
         "drop": after.seen - before.seen,
     }
+    if sample.of_own_map:
+        beyond = differences["intensity_variance"] - noise_slope(before, constants) * differences["intensity"]
+        differences["intensity_variance"] = np.where(np.abs(beyond) > _ROUNDING, beyond, 0.0)
     return {name: values for name, values in differences.items() if np.any(np.abs(values) > 1e-12)}
 
 

@@ -17,7 +17,7 @@ _FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"
 _SIDES = 8
 _ARRAYS = {
     "centre": (3,), "normal": (3,), "reach_m": (_SIDES,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,),
-    "trusted": (),
+    "reflectance": (), "trusted": (),
 }  # fmt: skip
 _CELL = "cell_m"
 _MOST_CELLS = 1 << 20  # from the origin to the edge of what can be numbered
@@ -49,6 +49,7 @@ class SurfelMap:
         reach_m: (m, 8) how far points reach along `sides` of the normal.
         range_m: (m, 2) nearest and farthest look.
         cos_incidence: (m, 2) of these.
+        reflectance: (m,) mean intensity of its points; 0 without intensities.
         trusted: (m,) bool: seen well, and with little else about them.
         cell_m: size of the cells, of which each holds one surface at most.
     """
@@ -59,6 +60,7 @@ class SurfelMap:
     reach_m: np.ndarray
     range_m: np.ndarray
     cos_incidence: np.ndarray
+    reflectance: np.ndarray
     trusted: np.ndarray
     cell_m: float
 

@@ -38,6 +38,9 @@ def footprints_of_some(shot: Shot, radius_rad: float) -> Hits:
     for name in ("normal_code", "material", "instance"):
         columns[name] = np.array(getattr(around, name))
         columns[name][rows] = getattr(met, name)
+    if around.measured is not None:  # of the surface that the centre of the beam meets
+        same = (columns["material"] == around.material) & (columns["instance"] == around.instance)
+        columns["measured"] = np.where(same, around.measured, np.float32(np.nan))
     return Hits(
         hits.rays, hits.pose, Surface(**columns), hits.pane_beam[:0], hits.pane.take(rows[:0]), hits.paint, hits.table
     )

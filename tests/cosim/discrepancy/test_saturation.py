@@ -37,3 +37,12 @@ def test_far_from_limits_nothing_is_cut_off():
     found = _held(np.array([0.45, 0.5, 0.62]), 0.5)
     np.testing.assert_allclose(found.score, student_score(np.array([-0.5, 0.0, 1.2])))
     np.testing.assert_allclose(found.information, MEAN_INFORMATION, rtol=1e-3)
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.3, 0.97])
+def test_the_score_of_the_spread_is_the_derivative_of_the_likelihood(mean):
+    values, every, step = _values(mean)[:1000], np.ones(1000), 1e-4
+    less, more = (
+        censored(values, mean * every, SIGMA * np.exp(sign * step) * every, (0.0, 1.0)).loglik for sign in (-1, 1)
+    )
+    np.testing.assert_allclose(_held(values, mean).spread_score, (more - less) / (2 * step), atol=1e-5)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from assets.mesh import Mesh
 from cosim.drives.twin.scene import scene_instances
 from cosim.recordings import Scan
+from cosim.recordings.mapping.motion import motions
 from sensors.pattern import Pattern
+from sensors.rays import Rays
 from sensors.scene import Scene
 from sensors.tracing import Tracer
 
 HEIGHT_M = 1.8
+SCANS, STEP_M, TURN_RAD = 14, 0.5, 0.01  # of a drive, and the way between two scans
 _CURVE_M, _CLEAR_M = 50.0, 7.0  # radius of a drive through the yard that turns to the left, and room about it
 
 
@@ -63,3 +69,36 @@ def scans(pattern: Pattern, order: str, count: int = 4, noise_m: float = 0.02, s
         xyz = (rays.direction[rows].astype(np.float64) * away[:, None]).astype(np.float32)
         found.append(Scan(f"{number:06d}", xyz.astype(np.float64)))
     return found
+
+
+def path(count: int = SCANS) -> np.ndarray:
+    """Poses (n, 4, 4) of a sensor that drives ahead and turns a little."""
+    step = np.eye(4)
+    step[:2, :2] = [[np.cos(TURN_RAD), -np.sin(TURN_RAD)], [np.sin(TURN_RAD), np.cos(TURN_RAD)]]
+    step[0, 3] = STEP_M
+    poses = [np.eye(4)]
+    for _ in range(count - 1):
+        poses.append(poses[-1] @ step)
+    return np.array(poses)
+
+
+def carried(pattern: Pattern) -> Rays:
+    """The beams of a revolution as the moving sensor sends them, in its axes at the pose time."""
+    rays, motion = pattern.rays(), motions(path())[0]
+    share = rays.time_s.astype(float)[:, None] / pattern.sweep_s
+    turned = Rotation.from_rotvec(share * motion[:3]).apply(rays.direction.astype(float))
+    return replace(rays, origin=(share * motion[3:]).astype(np.float32), direction=turned.astype(np.float32))
+
+
+def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
+    """Scans of the yard on the way, each beam from where the sensor is at its time, with 2 cm of noise."""
+    folder.mkdir(parents=True)
+    rng, rays = np.random.default_rng(0), pattern.rays()
+    tracer = Tracer(carried(pattern), pattern.range_m)
+    for number, pose in enumerate(poses):
+        reach = tracer.trace(yard(), pose, scene_instances(())).solid.range_m.astype(float)
+        rows = np.flatnonzero(reach < pattern.range_m[1])
+        away = reach[rows] + rng.normal(0, 0.02, len(rows))
+        xyz = rays.direction[rows].astype(float) * away[:, None]
+        np.column_stack([xyz, np.full(len(rows), 0.3)]).astype("<f4").tofile(folder / f"{number:06d}.bin")
+    return folder

@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.cli import main
 from cosim.discrepancy.analysis import context_of, trace_and_fit
-from cosim.discrepancy.budget import AS_GIVEN, Aligned
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import fit_nuisances
-from cosim.discrepancy.inference.fit import Fitter
 from cosim.discrepancy.inference.intervals import half_widths
 from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.settings import DEFAULT
@@ -33,65 +30,14 @@ from cosim.recordings.mapping.sweep import SweepEstimate, sweep_motion
 from sensors.effects.beams.elevation_offset import ElevationOffset
 from sensors.effects.beams.sweep_motion import SweepMotion
 from sensors.effects.lasers import with_rings
-from sensors.effects.light.range_falloff import RangeFalloff
 from sensors.effects.light.ring_gain import RingGain
 from sensors.effects.points.intensity_noise import IntensityNoise
 from sensors.effects.points.range_noise import RangeNoise
-from sensors.pattern import Pattern, load_pattern
-from sensors.rays import Rays
+from sensors.pattern import load_pattern
 from sensors.sensor_model import SensorModel
 from sensors.tracing import Tracer
 from tests.cosim.conftest import refused
-from tests.cosim.recordings.simulated import HEIGHT_M, yard
-from tests.sharing import made_once
-
-SCANS, STEP_M, TURN_RAD = 14, 0.5, 0.01
-
-
-def path(count: int = SCANS) -> np.ndarray:
-    """Poses (n, 4, 4) of a sensor that drives ahead and turns a little."""
-    step = np.eye(4)
-    step[:2, :2] = [[np.cos(TURN_RAD), -np.sin(TURN_RAD)], [np.sin(TURN_RAD), np.cos(TURN_RAD)]]
-    step[0, 3] = STEP_M
-    poses = [np.eye(4)]
-    for _ in range(count - 1):
-        poses.append(poses[-1] @ step)
-    return np.array(poses)
-
-
-def carried(pattern: Pattern) -> Rays:
-    """The beams of a revolution as the moving sensor sends them, in its axes at the pose time."""
-    rays, motion = pattern.rays(), motions(path())[0]
-    share = rays.time_s.astype(float)[:, None] / pattern.sweep_s
-    turned = Rotation.from_rotvec(share * motion[:3]).apply(rays.direction.astype(float))
-    return replace(rays, origin=(share * motion[3:]).astype(np.float32), direction=turned.astype(np.float32))
-
-
-def record(folder: Path, poses: np.ndarray, pattern: Pattern) -> Path:
-    """Scans of the yard on the way, each beam from where the sensor is at its time, with 2 cm of noise."""
-    folder.mkdir(parents=True)
-    rng, rays = np.random.default_rng(0), pattern.rays()
-    tracer = Tracer(carried(pattern), pattern.range_m)
-    for number, pose in enumerate(poses):
-        reach = tracer.trace(yard(), pose, scene_instances(())).solid.range_m.astype(float)
-        rows = np.flatnonzero(reach < pattern.range_m[1])
-        away = reach[rows] + rng.normal(0, 0.02, len(rows))
-        xyz = rays.direction[rows].astype(float) * away[:, None]
-        np.column_stack([xyz, np.full(len(rows), 0.3)]).astype("<f4").tofile(folder / f"{number:06d}.bin")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A twin of fourteen scans; `scans/`, `twin/`, `page/` and `twin.json` in one folder."""
-    pytest.importorskip("kiss_icp")
-
-    def make(folder: Path) -> None:
-        record(folder / "scans", path(), load_pattern("vlp32c"))
-        out = ["--out", str(folder / "twin"), "--json", str(folder / "twin.json"), "--page", str(folder / "page")]
-        assert main(["twin", str(folder / "scans"), *out, "--quiet"]) == 0
-
-    return made_once(tmp_path_factory, "recording_twin", make)
+from tests.cosim.recordings.simulated import HEIGHT_M, SCANS, STEP_M, TURN_RAD, carried, path, record
 
 
 def test_the_path_and_the_height_of_the_sensor_are_detected(twin: Path) -> None:
@@ -272,19 +218,6 @@ def test_gains_of_lasers_are_relative_to_their_mean_where_reflectances_are_unkno
     assert np.median(widths) < 0.05, "the common factor is not part of the intervals"
 
 
-def test_a_surface_of_which_all_returns_saturate_has_a_finite_reflectance(twin: Path) -> None:
-    drive = Drive(twin / "twin")
-    known = (RangeNoise(sigma_m=0.02), IntensityNoise(sigma_rel=0.1))
-    sensor = SensorModel(load_pattern(str(drive.pattern)), known)
-    context = context_of(opened(drive), sensor, settings=replace(DEFAULT, rows=4_000))
-    sample = fit_nuisances(context).fitter.sample
-    seen = np.bincount(sample.surface[sample.surface >= 0])
-    saturated = np.flatnonzero(seen > 1)[:5]
-    bright = replace(sample, intensity=np.where(np.isin(sample.surface, saturated), 1.0, sample.intensity))
-    fitted = Fitter(bright).fit(known, ())
-    assert np.abs(fitted.estimate.u[Fitter(bright).random.rows("albedo_of_map")]).max() < 30
-
-
 def test_beams_keep_the_surfaces_of_their_points_in_a_map_of_the_scans(twin: Path) -> None:
     drive = Drive(twin / "twin")
     sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02),))
@@ -293,29 +226,6 @@ def test_beams_keep_the_surfaces_of_their_points_in_a_map_of_the_scans(twin: Pat
     on = trace_and_fit(context, names, tilted)
     for frame, name in zip(on.frames, names, strict=True):
         np.testing.assert_array_equal(frame.surface, context.tracer.trace(name, ()).surface)
-
-
-def test_a_map_keeps_the_mean_intensities_of_its_scans_under_other_effects(twin: Path) -> None:
-    """Intensity effects of a model would otherwise darken a map whose reflectances are mean measured intensities."""
-    drive = Drive(twin / "twin")
-    sensor = SensorModel(load_pattern(str(drive.pattern)), (RangeNoise(sigma_m=0.02),))
-    falloff = RangeFalloff(reference_m=5.0, exponent=1.5)
-    context = context_of(opened(drive), sensor, settings=replace(DEFAULT, rows=8_000))
-    on = fit_nuisances(context)
-    before, after = Aligned(context, on, sensor.effects), Aligned(context, on, (*sensor.effects, falloff))
-    sums = np.zeros((2, 2))
-    for number in range(len(before)):
-        one, other = before.frame(number, AS_GIVEN), after.frame(number, AS_GIVEN)
-        used = (one.frame.surface >= 0) & one.frame.observed.returned & one.frame.observed.trusted
-        for row, kind in enumerate(("asphalt", "concrete")):
-            material = one.frame.shot.hits.table.names.index(kind)
-            rows = used & (one.frame.shot.hits.solid.material == material)
-            sums[:, row] += [part.expected.intensity[rows].sum() for part in (one, other)]
-    assert (sums > 0).all()
-    np.testing.assert_allclose(sums[1], sums[0], rtol=0.01)
-    found = after.frame(0, AS_GIVEN)
-    near = found.frame.shot.hits.solid.range_m < 5
-    assert found.expected.intensity[near].mean() > 1.2 * before.frame(0, AS_GIVEN).expected.intensity[near].mean()
 
 
 def test_what_stood_before_the_sky_and_is_gone_moves_and_what_is_too_far_to_return_does_not() -> None:
