@@ -10,6 +10,7 @@ import numpy as np
 from cosim.discrepancy.candidates import unknowns, weak_forms, with_values
 from cosim.discrepancy.dictionary.groups import Group, Tangent
 from cosim.discrepancy.dictionary.linearisation import Linearisation
+from cosim.discrepancy.inference.dependence import apply_changes, changes_of
 from cosim.discrepancy.inference.derivatives import difference_quotients
 from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix
 from cosim.discrepancy.sampling.sample import Prediction
@@ -124,6 +125,7 @@ def _direct(linearisation: Linearisation, after: Prediction, tangent: Tangent) -
     if is_new:
         score, information = mixture_score(linearisation, changed)
     else:
+        after = apply_changes(sample, after, changes_of(fitted.dependences))
         gain = linearisation.fitter.residuals(after, fitted.estimate).loglik - fitted.residuals.loglik
         score, information = sample.share * gain, np.zeros(len(sample))
     if np.any(score):

@@ -340,10 +340,10 @@ class RandomEffects:
     def _seen(self, expected: Prediction, share: np.ndarray) -> np.ndarray:
         """(n,) probability of a return if reflectances change by factors (n,): darker surfaces are lost more often.
 
-        The log-odds are linear in small changes; those of maps that are made from the scans are not small.
+        The log-odds are linear in small changes.
         """
         rows = np.flatnonzero((share != 1) & (expected.seen > 0) & (expected.seen < 1))
-        if self.sample.of_own_map or not len(rows):
+        if not len(rows):
             return expected.seen
         seen, slope = expected.seen.copy(), expected.log_odds_by_reflectance()
         seen[rows] = special.expit(special.logit(seen[rows]) + slope[rows] * (share[rows] - 1))
@@ -375,7 +375,7 @@ class RandomEffects:
             else:
                 derivatives = self._intensity_design(block, expected)
             own: dict[Quantity, SparseMatrix] = {block.quantity: derivatives}
-            if block.quantity == "intensity" and not block.free:
+            if block.quantity == "intensity":
                 own["drop"] = self._loss_design(block, expected, estimate)
             if not is_active.all():
                 own = {name: matrix[:, np.flatnonzero(is_active)] for name, matrix in own.items()}
