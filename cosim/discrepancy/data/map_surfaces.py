@@ -131,7 +131,7 @@ class MapSurfaces(SurfelMap):
         return (rough / np.maximum(slope, grazing)).astype(np.float32)
 
     def reflectances(self, met: np.ndarray) -> np.ndarray:
-        """(n,) float32 measured reflectances of the surfaces (n,) that are hit; NaN for none, and without intensities."""
+        """(n,) float32 measured reflectances of the surfaces (n,) that are hit; NaN where unknown."""
         values = self.reflectance[np.maximum(met, 0)]
         return np.where((met >= 0) & (values > 0), values, np.nan).astype(np.float32)
 

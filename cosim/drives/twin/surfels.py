@@ -17,8 +17,9 @@ _FILE, _FOLDER = "twin/surfels.npz", "twin/surfels"
 _SIDES = 8
 _ARRAYS = {
     "centre": (3,), "normal": (3,), "reach_m": (_SIDES,), "sd_m": (), "range_m": (2,), "cos_incidence": (2,),
-    "reflectance": (), "trusted": (),
+    "trusted": (),
 }  # fmt: skip
+_REFLECTANCE = "reflectance"  # need not be there
 _CELL = "cell_m"
 _MOST_CELLS = 1 << 20  # from the origin to the edge of what can be numbered
 
@@ -49,7 +50,7 @@ class SurfelMap:
         reach_m: (m, 8) how far points reach along `sides` of the normal.
         range_m: (m, 2) nearest and farthest look.
         cos_incidence: (m, 2) of these.
-        reflectance: (m,) mean intensity of its points; 0 without intensities.
+        reflectance: (m,) mean intensity of its points; 0 where it is unknown.
         trusted: (m,) bool: seen well, and with little else about them.
         cell_m: size of the cells, of which each holds one surface at most.
     """
@@ -148,7 +149,8 @@ def read_surfels(file: Path) -> SurfelMap:
         raise FormatError(f"{file}: missing {', '.join(missing)}; make the twin again with `cosim twin`")
     arrays = {name: np.asarray(found[name], np.float64) for name in _ARRAYS}
     count = len(arrays["centre"])
-    odd = [name for name, shape in _ARRAYS.items() if arrays[name].shape != (count, *shape)]
+    arrays[_REFLECTANCE] = np.asarray(found.get(_REFLECTANCE, np.zeros(count)), np.float64)
+    odd = [name for name, shape in {**_ARRAYS, _REFLECTANCE: ()}.items() if arrays[name].shape != (count, *shape)]
     if not count or odd:
         raise FormatError(
             f"{file}: {odd[0] if odd else 'centre'} does not have one row per surface; make the twin again"
