@@ -181,10 +181,11 @@ def _surfaces(surfaces: Sequence[Surface], first: np.ndarray) -> Surface:
         np.where(surface.instance >= 0, surface.instance.astype(np.int32) + row, surface.instance)
         for surface, row in zip(surfaces, first, strict=True)
     ]
+    measured = [surface.measured for surface in surfaces if surface.measured is not None]
     return Surface(
         np.concatenate([surface.range_m for surface in surfaces]),
         np.concatenate([surface.normal_code for surface in surfaces]),
         np.concatenate([surface.material for surface in surfaces]),
         np.concatenate(instance),
-        None if surfaces[0].measured is None else np.concatenate([surface.measured for surface in surfaces]),
+        np.concatenate(measured) if measured else None,
     )

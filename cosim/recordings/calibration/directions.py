@@ -63,10 +63,17 @@ def direction_error(
 
 
 def _directions(pattern: Pattern, effects: Sequence[Effect]) -> np.ndarray:
-    """True directions (k, 64, 3) float64 of the lasers, without their azimuth offsets, at evenly spaced azimuths."""
+    """True directions (k, 64, 3) float64 of the lasers, without their azimuth offsets, at evenly spaced azimuths.
+
+    Errors that depend on the surface that a beam meets are none of the sensor's directions, and are left out.
+    """
     even = pattern.model_copy(update={"firings": _STEPS, "azimuth_offset_deg": (0.0,) * pattern.rings})
     rays = even.rays()
-    turning = [one for one in in_order(effects) if isinstance(one, BeamEffect) and one.channel != "pose"]
+    turning = [
+        one
+        for one in in_order(effects)
+        if isinstance(one, BeamEffect) and one.channel != "pose" and not one.needs_surfaces
+    ]
     shot = Shot(even, rays)
     beams = act_on_beams(turning, Beams.nominal(rays), shot, Streams(np.random.default_rng(0)), "directions")
     return beams.direction.astype(float).reshape(pattern.rings, _STEPS, 3)

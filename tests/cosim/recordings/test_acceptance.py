@@ -13,6 +13,7 @@ from cosim.recordings.calibration.estimates import combine, differences
 from cosim.recordings.calibration.held_out import change_between, read_scores, write_scores
 from cosim.recordings.calibration.rounds import Round
 from sensors.effects.beams.elevation_offset import ElevationOffset
+from sensors.effects.channels import ElevationError
 from sensors.pattern import load_pattern
 
 BEAMS = 2000
@@ -136,3 +137,19 @@ def test_ray_directions_differ_by_the_angle_that_one_is_turned_by() -> None:
     assert turned is not None
     assert turned.mean_deg == pytest.approx(0.15, abs=1e-3) and turned.max_deg == pytest.approx(0.15, abs=1e-3)
     assert turned.by_elevation_deg == 0
+
+
+class IncidenceError(ElevationError):
+    """Beams that graze a surface point elsewhere."""
+
+    name = "by_incidence"
+    covariates = ("incidence",)
+
+    def error(self, incidence: np.ndarray) -> np.ndarray:
+        return 1e-3 * incidence
+
+
+def test_errors_that_depend_on_surfaces_are_no_directions_of_the_sensor() -> None:
+    pattern = load_pattern("vlp16")
+    found = direction_error(pattern, pattern, (), (IncidenceError(),))
+    assert found is not None and found.max_deg == pytest.approx(0, abs=1e-6)
