@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.diagnosis import Diagnosis
-from cosim.recordings.calibration.held_out import Change, Scores, change_between, read_scores
+from cosim.recordings.calibration.held_out import LEAST_FALL, Change, Scores, change_between, read_scores
 from cosim.recordings.calibration.rounds import Round
 from cosim.recordings.mapping.correction import moves_points
 from cosim.recordings.mapping.odometry import Trajectory
@@ -135,6 +135,8 @@ def _why_not(change: Change | None, rounds: Sequence[Round]) -> str:
         message = (
             f"the error of {change.scans} held-out scans rises by {_interval(change.mean, change.low, change.high)}"
         )
+    elif change.high < 0:
+        message = f"the error of {change.scans} held-out scans falls by less than {100 * LEAST_FALL:.1f} %"
     else:
         message = (
             f"the error of {change.scans} held-out scans changes by "

@@ -21,6 +21,7 @@ from cosim.drives.writer import explained
 from sensors.npz import npz_arrays, npz_bytes
 
 _CHANNELS = {"range": "range_score", "intensity": "intensity_score", "drop": "brier"}
+LEAST_FALL = 1e-3  # share of the error; a smaller fall is of no use, even if it is certain
 _UPPER = 0.975
 _FEWEST_BEAMS, _FEWEST_SCANS = 100, 3
 _SAME_STRETCH = 6  # scans: nearer ones see the same surfaces, so that their errors are dependent
@@ -50,8 +51,8 @@ class Change:
 
     @property
     def is_fall(self) -> bool:
-        """Whether the interval excludes that nothing changes, or that the error rises."""
-        return self.high < 0
+        """Whether the interval excludes that nothing changes or the error rises, and the fall matters."""
+        return self.high < 0 and self.mean < -LEAST_FALL * self.before
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""

@@ -63,6 +63,12 @@ def test_a_change_that_may_be_none_is_not_recommended(tmp_path: Path) -> None:
     assert not few.is_recommended and "too few held-out scans" in few.reason
 
 
+def test_a_certain_fall_that_is_of_no_use_is_not_recommended(tmp_path: Path) -> None:
+    tiny = accept(tmp_path, [made(tmp_path, 1, scores(), scores(-2e-5))])
+    assert tiny.change is not None and tiny.change.high < 0
+    assert not tiny.is_recommended and "falls by less than 0.1 %" in tiny.reason
+
+
 def test_the_best_round_is_chosen_not_the_last(tmp_path: Path) -> None:
     rounds = [
         made(tmp_path, 1, scores(), scores(-0.5, seed=1)),
