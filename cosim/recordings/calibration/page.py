@@ -37,7 +37,9 @@ def headline(calibration: SensorCalibration) -> str:
         message += f" Found, but not shown by held-out scans: {', '.join(rejected)}."
     last, first = calibration.rounds[-1], calibration.rounds[0]
     if left := calibration.result.unexplained:
-        message += f" {len(left)} dependences stay unexplained."
+        message += (
+            " A dependence stays unexplained." if len(left) == 1 else f" {len(left)} dependences stay unexplained."
+        )
     message += (
         f" Ground of the map {1000 * first.thickness_ground_m:.1f} → {1000 * last.thickness_ground_m:.1f} mm thick, "
         f"walls {1000 * first.thickness_walls_m:.1f} → {1000 * last.thickness_walls_m:.1f} mm."
