@@ -92,6 +92,8 @@ class Recorder:
         self._town: tuple[str, Town] | None = None
         self._land: Land | None = None
         self._site: Site | None = None
+        self._bridge: Bridge | None = None
+        self._labellers: dict[str, Labeller] = {}
         reach_m = max(sensor.pattern.range_m[1] for sensor in sensors.values())
         self._sight_m = max(reach_m, config.label_range_m, SIGHT_M if config.images or needs_view else 0.0)
         writer.write_once("twin/materials.yaml", format_materials(_WORLD_MATERIALS).encode())
@@ -102,7 +104,8 @@ class Recorder:
         The site of a large town depends on the route; `move_along` prepares it.
         """
         if self._town is None or self._town[0] != plan.town:
-            self._land = self._site = None  # free their memory before the next town is read
+            self._leave()  # free its memory before the next town is read
+            self._land = None
             self._town = plan.town, read_town(plan.town)
         town = self._town[1]
         if not self.follows_route:
@@ -128,19 +131,25 @@ class Recorder:
         """
         assert self._town is not None
         town, is_only = self._town[1], self._episodes == 1 and attempt == 0
-        self._land = self._site = None
+        self._land = None
         land = Land(town, surroundings(town.streets, route, self._sight_m))
         self._build(land, plan, None if is_only else f"worlds/{town.name}-{plan.number:04d}-{attempt}.glb")
         self._enter(plan)
 
     def _build(self, land: Land, plan: EpisodePlan, static: str | None) -> None:
         """Build the static world; `static` is its file relative to `twin/` if the drive has several, else None."""
-        self._site = None  # free its memory before the next world is built
+        self._leave()  # free its memory before the next world is built
         self._site = Site.build(self._config, land, plan.world, models=self._models, threads=self._threads)
         self._static = static
         path = f"twin/{static or 'static.glb'}"
         if not self._writer.has(path):
             self._writer.write(path, encode_glb(self._site.mesh, land.town.name))
+
+    def _leave(self) -> None:
+        """Release the current site and everything that refers to it."""
+        self._site = self._bridge = None
+        self._labellers = {}
+        self._cameras.leave()
 
     def _enter(self, plan: EpisodePlan) -> None:
         """Load the current site and the light of an episode."""
@@ -178,7 +187,7 @@ class Recorder:
             carrier: carrier of the sensors.
             signals: SUMO's state letter of every lane with a traffic signal.
         """
-        assert self._site is not None
+        assert self._site is not None and self._bridge is not None
         instances = self._bridge.place(actors)
         if isinstance(carrier, Mast):
             ego, others, bits = carrier.ego(self._site.ground), instances, actors.signals

@@ -75,6 +75,7 @@ class RigCameras:
         self._fields = fields_of(sensor) if any(camera.imaging.texture for camera in self.used.values()) else ()
         self._contents = {name: _with_shadows(wanted_of(name, needed)) for name in self.used}
         self._renderers: dict[tuple[int, int], CameraRenderer] = {}
+        self._shadows: CastShadows | None = None
 
     def enter(self, site: Site, light: Light) -> None:
         """Switch to another site, or to another light."""
@@ -83,6 +84,12 @@ class RigCameras:
         for renderer in self._renderers.values():
             site.show(renderer, light)
         self._shadows = CastShadows(self._models.load, light, site.scene.static)
+
+    def leave(self) -> None:
+        """Release the current site; `enter` is needed before the next image."""
+        for renderer in self._renderers.values():
+            renderer.enter(Mesh.empty(), Light())
+        self._shadows = None
 
     def render(
         self, frame: str, ego_pose: np.ndarray, lidar_pose_ego: np.ndarray, instances: Instances, with_lights: Instances
@@ -96,6 +103,7 @@ class RigCameras:
             instances: movable objects.
             with_lights: the same objects with lit lamps, followed by the lit lenses of traffic signals.
         """
+        assert self._shadows is not None
         images, undistorted = {}, {}
         for name, camera in self.used.items():
             pose = ego_pose @ (lidar_pose_ego @ camera.in_lidar)
