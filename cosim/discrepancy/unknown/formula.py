@@ -17,6 +17,7 @@ from cosim.discrepancy.unknown.families import FAMILIES, MOST_POWER, Family, Par
 from sensors.effects.covariates import wrapped
 
 _MOST_LEVEL = 5.0  # largest level relative to the curve; larger ones and the amplitude cancel each other
+_MOST_BETWEEN = 3.0  # largest value between bins relative to the curve; narrower peaks are not resolved by the bins
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,9 @@ class Formula:
 
     def text(self, x: str) -> str:
         """Return the formula as people write it, with numbers, in a variable of that name."""
-        numbers = {name: f"{value:.1f}" if abs(value) > 1e5 else f"{value:.3g}" for name, value in self.values.items()}
+        numbers = {
+            name: f"{value:.1f}" if 1e5 < abs(value) < 1e10 else f"{value:.3g}" for name, value in self.values.items()
+        }
         if self.family == "sector":
             numbers["stop"] = f"{wrapped(self.values['start'] + self.values['width'], self.values['period']):.3g}"
         amplitude, level = numbers.pop("amplitude"), numbers.pop("level", "")
@@ -123,8 +126,9 @@ def best_formula(
     candidates: list[tuple[float, Family, Parameters]] = []
     for family, members in _members(x, period, grid):
         shapes = np.stack([family.function(x, **member) for member in members])
+        between = np.stack([family.function(_between(x), **member) for member in members])
         for is_levelled in (False, True):
-            rest = _residual(shapes, y, weight, is_levelled)
+            rest = _residual(shapes, between, y, weight, is_levelled)
             row = int(np.argmin(rest))
             values = {**members[row], "level": 0.0} if is_levelled else members[row]
             candidates.append((_bic(float(rest[row]), family, is_levelled, len(x)), family, values))
@@ -200,15 +204,35 @@ def _members(x: np.ndarray, period: float, grid: FormulaGrid) -> Iterator[tuple[
     yield FAMILIES["window"], [{"start": start, "end": end} for start in inner for end in inner if end > start]
 
 
-def _residual(shapes: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled: bool) -> np.ndarray:
-    """Weighted sum of squares (k,) that each shape (k, b) leaves of y, its amplitude and level the best ones."""
-    y = np.where(weight > 0, y, 0.0)
+def _between(x: np.ndarray) -> np.ndarray:
+    """Positions between bins at x, four per bin."""
+    return np.interp(np.linspace(0, len(x) - 1, 4 * len(x)), np.arange(len(x)), x)
+
+
+def _residual(
+    shapes: np.ndarray, between: np.ndarray, y: np.ndarray, weight: np.ndarray, is_levelled: bool
+) -> np.ndarray:
+    """Weighted sum of squares (k,) that each shape leaves of y, its amplitude and level the best ones.
+
+    Infinite for a shape that is much larger between the bins than the curve is in any bin.
+
+    Args:
+        shapes: (k, b) at the bins.
+        between: (k, d) between them.
+        y: (b,) the curve.
+        weight: (b,) of its values.
+        is_levelled: whether there is a level next to the amplitude.
+    """
+    y, level = np.where(weight > 0, y, 0.0), 0.0
+    most = _MOST_BETWEEN * np.abs(y).max()
     if is_levelled:
         total = weight.sum()
-        shapes = shapes - (shapes @ weight / total)[:, None]
-        y = y - weight @ y / total
-    size = shapes**2 @ weight
-    return weight @ y**2 - np.divide((shapes @ (weight * y)) ** 2, size, out=np.zeros_like(size), where=size > 1e-300)
+        centre, level = (shapes @ weight / total)[:, None], weight @ y / total
+        shapes, between, y = shapes - centre, between - centre, y - level
+    size, common = shapes**2 @ weight, shapes @ (weight * y)
+    amplitude = np.divide(common, size, out=np.zeros_like(size), where=size > 1e-300)
+    largest = np.abs(amplitude[:, None] * between + level).max(1)
+    return np.where(largest <= most, weight @ y**2 - amplitude * common, np.inf)
 
 
 def _level(shape: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
@@ -237,7 +261,7 @@ def _refined(
     start = np.array([values[name] for name in family.free])
     is_levelled = "level" in values
     size = np.maximum(np.abs(start), 1e-3 * max(float(np.ptp(x)), 1e-12))
-    largest = float(np.max(np.abs(y[weight > 0]), initial=0.0))
+    largest, between = float(np.max(np.abs(y[weight > 0]), initial=0.0)), _between(x)
 
     def moved(parts: np.ndarray) -> Parameters:
         shape = {name: value for name, value in values.items() if name != "level"}
@@ -252,7 +276,7 @@ def _refined(
             curve = family.function(x, **shape)
             if is_levelled and abs(_level(curve, y, weight)) > _MOST_LEVEL * largest:
                 return np.inf
-            left = _residual(curve[None], y, weight, is_levelled)[0]
+            left = _residual(curve[None], family.function(between, **shape)[None], y, weight, is_levelled)[0]
         return float(np.nan_to_num(left, nan=np.inf))
 
     least, best = rest(np.zeros(len(start))), np.zeros(len(start))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from cosim.discrepancy.dictionary.groups import Group
-from cosim.discrepancy.selection.calibration import min_p
+from cosim.discrepancy.selection.calibration import Statistic, family_wise_p, min_p
 from cosim.discrepancy.selection.gain import gain_difference, is_rival
 
 
@@ -53,3 +53,25 @@ def test_a_common_offset_is_a_special_case_of_one_offset_for_each_laser() -> Non
         assert not wider.is_special_case_of(common)
     returns = Group("returns", "drop", ("laser",), 8, {"drop": by_laser})
     assert not common.is_special_case_of(returns)
+
+
+def test_one_column_of_many_is_found_in_few_clusters() -> None:
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(20):
+        table = rng.normal(size=(40, 64))
+        table[:, 50] = np.abs(table[:, 50]) + 0.5  # a laser whose error is the same in every cluster
+        group = Statistic(np.arange(64), np.eye(64), False)
+        [p] = family_wise_p([table], (table**2).sum(0), [group], 400, rng)
+        found.append(p)
+    assert max(found) < 0.01
+
+
+def test_the_two_statistics_of_a_group_cause_no_more_alarms() -> None:
+    rng = np.random.default_rng(6)
+    alarms = []
+    for _ in range(200):
+        table = rng.normal(size=(40, 24))
+        groups = [Statistic(np.arange(start, start + 8), np.eye(8), start == 0) for start in (0, 8, 16)]
+        alarms.append(family_wise_p([table], (table**2).sum(0), groups, 400, rng).min() <= 0.05)
+    assert np.mean(alarms) < 0.1

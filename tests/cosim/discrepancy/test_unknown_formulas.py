@@ -213,3 +213,12 @@ def test_a_bend_is_no_small_part_of_a_long_wave() -> None:
     assert found.r2 > 0.9
     limits = bounds("wave", 0.1)
     assert limits["ge"] == pytest.approx(0.05) and limits["le"] == pytest.approx(0.2)
+
+
+def test_no_formula_is_far_larger_between_the_bins_than_in_them() -> None:
+    """Two bins far apart with a narrow peak next to one of them: a bell between them would fit with any amplitude."""
+    x = np.array([0.07, 0.19, 0.2, 0.25, 0.29, 0.34, 0.42, 0.5])
+    y = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    formula = best_formula(x, y, np.full(len(x), 1e-3))
+    assert np.abs(formula.evaluate(np.linspace(0.07, 0.5, 1000))).max() < 0.5
+    assert formula.r2 > 0.9
