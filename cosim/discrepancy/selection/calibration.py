@@ -1,10 +1,11 @@
 """Family-wise p-values by random signs of clusters.
 
 Where nothing is missing, the scores of clusters have random signs: drawing signs gives the reference distribution of
-every group's statistics at once (wild cluster bootstrap: Cameron, Gelbach and Miller, Rev. Econ. Stat. 2008). Each group
+every group's statistics at once (wild cluster bootstrap: Cameron, Gelbach and Miller, Rev. Econ. Stat. 2008). A group
 has two: the sum of the squared standardised scores of its columns, for a change of many columns, and the largest of
 them, for a change of one, such as a dead laser. The test statistic of the family is the smallest p-value of any of them
-(min-P: Westfall and Young 1993), so that groups of many columns, of few columns and of rare counts have the same chance.
+(min-P: Westfall and Young 1993), so that groups of many columns, of few columns and of rare counts have the same
+chance.
 """
 
 from __future__ import annotations
