@@ -24,6 +24,7 @@ from cosim.drives.kitti.labels import DONT_CARE, format_labels, parse_labels
 from cosim.drives.kitti.oxts import format_oxts
 from cosim.drives.twin import Ego, Instance, InstanceTexts, TwinFrame, encode_glb, format_materials
 from cosim.drives.writer import DriveWriter
+from cosim.engine.heap import return_free_blocks
 from cosim.labels.effects import EXACT, relabelled
 from cosim.labels.labelling import Labeller
 from cosim.scene.bridge import Bridge
@@ -150,6 +151,7 @@ class Recorder:
         self._site = self._bridge = None
         self._labellers = {}
         self._cameras.leave()
+        return_free_blocks()
 
     def _enter(self, plan: EpisodePlan) -> None:
         """Load the current site and the light of an episode."""

@@ -34,15 +34,15 @@ def _welded(mesh: Mesh) -> np.ndarray:
     x, y, z = (mesh.vertices + np.float32(0)).T.view(np.uint32).astype(np.uint64)  # + 0 turns −0 into 0
     _, column = np.unique(x << np.uint64(32) | y, return_inverse=True)
     _, number = np.unique(column.astype(np.uint64) << np.uint64(32) | z, return_inverse=True)
-    return number[mesh.faces]
+    return number.astype(np.int32)[mesh.faces]
 
 
 def _edges(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Number of each face's three undirected edges, (m, 3), and the way it runs them, ±1 (0: no length)."""
     start, end = corners, np.roll(corners, -1, 1)
-    key = np.minimum(start, end) * (corners.max() + 1) + np.maximum(start, end)
-    _, number = np.unique(key, return_inverse=True)
-    return number.reshape(-1, 3), np.sign(end - start)
+    key = np.minimum(start, end) * (np.int64(corners.max()) + 1) + np.maximum(start, end)
+    number = np.unique(key, return_inverse=True)[1].astype(np.int32)
+    return number.reshape(-1, 3), np.sign(end - start).astype(np.int8)
 
 
 def _pieces(edge: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def _pieces(edge: np.ndarray) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
 
     n_faces = len(edge)
-    face = np.repeat(np.arange(n_faces), 3)
+    face = np.repeat(np.arange(n_faces, dtype=np.int32), 3)
     rows, columns = face, n_faces + edge.ravel()
     size = n_faces + edge.max() + 1
     graph = coo_matrix((np.ones(len(rows), bool), (rows, columns)), shape=(size, size))
