@@ -36,6 +36,8 @@ def curve_of(linearisation: Linearisation, term: Term, sectors: int) -> Curve | 
     y, sigma = dependence.coefficients, standard_errors(linearisation, dependence, sectors)
     if not np.any(np.isfinite(y) & np.isfinite(sigma)):
         return None
+    if group.channel == "drop":
+        y = np.maximum(y, -1.0)  # a laser that never returns; the likelihood is flat below
     if group.frequency_hz:
         start = float(linearisation.sample.scan_values["time_s"].min())
         return Curve(

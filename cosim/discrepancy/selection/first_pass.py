@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import sparse
+from scipy import sparse, stats
 
 from cosim.discrepancy.dictionary.build import Dictionary
 from cosim.discrepancy.dictionary.groups import Group, binned_group, is_tested
@@ -15,13 +15,15 @@ from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.inference.score import SparseMatrix
 from cosim.discrepancy.settings import Settings
 
+_LEAST_SURPRISE = 0.2  # −ln p of a group below which it is not looked at further
+
 
 def first_pass(
     linearisation: Linearisation, dictionary: Dictionary, projector: Projector, settings: Settings
 ) -> list[Group]:
     """All effects of the catalogue, and the most significant dependences of each channel.
 
-    Dependences are ranked by significance per column and by all that they may gain. Nothing is eliminated here: near an
+    Dependences are ranked by significance and by all that they may gain. Nothing is eliminated here: near an
     optimum the plain score is the efficient one, and its variance is an upper bound.
     """
     always = [group for group in dictionary.explicit if group.direct is not None or group.is_effect]
@@ -74,7 +76,7 @@ def _rank_binned(
             settings.dictionary.fewest_in_cell if pair or channel not in MEANS else settings.dictionary.fewest_in_bin
         )
         significance, most = _summary(figures, columns, one_sided)
-        if significance > -1.0:
+        if significance > _LEAST_SURPRISE:
             group = binned_group(linearisation, channel, covariate, fewest)
             if group is not None:
                 rows.append((significance, most, group))
@@ -115,13 +117,17 @@ def _figures(
 
 
 def _summary(figures: _Figures, columns: slice, one_sided: bool) -> tuple[float, float]:
-    """Excess of the mean square of standardised scores over its expectation, and twice the predicted gain."""
+    """Significance and twice the predicted gain.
+
+    The significance is −ln p of the sum of the squared standardised scores, or of the largest of them if this is more.
+    """
     score, scatter, floor = (values[columns] for values in figures)
     used = floor > 0
     if not used.any():
         return -np.inf, -np.inf
     score, scatter, floor = score[used], scatter[used], floor[used]
     z = score / np.sqrt(np.maximum(scatter, floor))
-    z = np.maximum(z, 0) if one_sided else z
+    square = np.maximum(z, 0) ** 2 if one_sided else z**2
     count = len(z)
-    return float((np.sum(z**2) - count) / np.sqrt(2 * count)), float(np.sum(score**2 / floor) - count)
+    together, largest = -stats.chi2.logsf(square.sum(), count), -stats.chi2.logsf(square.max(), 1) - np.log(count)
+    return float(max(together, largest)), float(np.sum(score**2 / floor) - count)
