@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TAIL = 0.1  # upper share of a reference distribution that an exponential continues
+_TAIL = 0.1  # upper share of a reference distribution that a generalised Pareto distribution continues
+_HEAVIEST = 0.5  # largest shape of that distribution: beyond, its moments do not exist
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +46,22 @@ def random_signs(clusters: int, draws: int, rng: np.random.Generator) -> np.ndar
 def surprise(statistics: np.ndarray, tail: float = _TAIL) -> np.ndarray:
     """−ln p of statistics (1 + draws, groups) against the draws in rows 1 onward.
 
-    Beyond the upper tail of the draws an exponential distribution with their mean excess continues them.
+    Beyond the upper tail of the draws a generalised Pareto distribution continues them, its shape from probability-
+    weighted moments (Hosking and Wallis, Technometrics 1987) but with no end: an exponential distribution where the
+    tail is light. For permutations: Knijnenburg et al., Bioinformatics 2009.
     """
     reference = np.sort(statistics[1:], 0)
     count = len(reference)
     first = int(count * (1 - tail))
     quantile = reference[first]
-    excess = np.maximum((reference[first:] - quantile).mean(0), 1e-9)
-    found = -np.log(tail) + (statistics - quantile) / excess
+    beyond = reference[first:] - quantile
+    rank = (np.arange(len(beyond)) + 0.65) / len(beyond)
+    mean, lower = beyond.mean(0), (beyond * (1 - rank)[:, None]).mean(0)
+    shape = np.clip(2 - mean / np.maximum(mean - 2 * lower, 1e-9), 0.0, _HEAVIEST)
+    scale = np.maximum(mean * (1 - shape), 1e-9)
+    excess = np.maximum(statistics - quantile, 0) / scale
+    is_heavy = shape > 1e-6
+    found = np.where(is_heavy, np.log1p(shape * excess) / np.where(is_heavy, shape, 1.0), excess) - np.log(tail)
     for group in range(statistics.shape[1]):
         near = statistics[:, group] <= quantile[group]
         rank = np.searchsorted(reference[:, group], statistics[near, group], side="left")
