@@ -49,7 +49,8 @@ class DaskEngine:
         """Execute all tasks; see `Engine.share_out`. Workers may join and leave during the run.
 
         Raises:
-            WorkError: a worker reported an error of the user, no scheduler answers, or Dask is not installed.
+            WorkError: a worker reported an error of the user, no scheduler answers, the connection to it is lost, or
+                Dask is not installed.
         """
         name = f"cosim-{uuid.uuid4().hex}"
         events: queue.SimpleQueue[JobEvent] = queue.SimpleQueue()
@@ -60,17 +61,18 @@ class DaskEngine:
                 _log.warning("no worker has joined %s yet; waiting for one", self.address)
             retries = Retries(on_event, refresh_task)
             try:
-                _Submissions(client, name, on_event).run(tasks, events, retries)
+                _Submissions(client, self.address, name, on_event).run(tasks, events, retries)
             finally:
-                client.unregister_worker_plugin(name)
+                if client.status == "running":
+                    client.unregister_worker_plugin(name)
         return retries.skipped
 
 
 class _Submissions:
     """Tasks submitted to the cluster."""
 
-    def __init__(self, client: Client, name: str, on_event: Tell) -> None:
-        self._client, self._name, self._on_event = client, name, on_event
+    def __init__(self, client: Client, address: str, name: str, on_event: Tell) -> None:
+        self._client, self._address, self._name, self._on_event = client, address, name, on_event
         self._pending: dict[Future, Attempt] = {}
         self._count = 0
 
@@ -103,6 +105,11 @@ class _Submissions:
 
     def _failure(self, future: Future) -> str | None:
         """Reason why the task of a finished future failed, or None if it is complete."""
+        if self._client.status != "running":
+            raise WorkError(
+                f"the connection to the Dask scheduler at {self._address} is lost; start it again, then the same "
+                "command resumes the run"
+            )
         if future.status != "finished":
             return " ".join(str(future.exception()).split()) if future.status == "error" else "it was cancelled"
         outcome: _Outcome = future.result()

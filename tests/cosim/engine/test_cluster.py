@@ -38,6 +38,9 @@ class Cluster:
         self._processes.append(process)
         return process
 
+    def lose_scheduler(self) -> None:
+        kill_group(self._processes[0])
+
     def end(self) -> None:
         for process in self._processes:
             kill_group(process)
@@ -100,6 +103,20 @@ def test_a_drive_recorded_by_workers_that_are_killed_has_the_same_bytes(blind_dr
         dask.worker()
         assert run.wait(300) == 0
     assert checksums(folder) == checksums(blind_drive)
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_is_reported(tmp_path):
+    (tmp_path / "tasks").mkdir()
+    with cluster(tmp_path / "scratch") as dask:
+        dask.worker()
+
+        def on_event(event: JobEvent) -> None:
+            if event.text == "a":
+                dask.lose_scheduler()
+
+        with pytest.raises(WorkError, match="connection to the Dask scheduler at .* is lost; start it again"):
+            DaskEngine(dask.address).share_out(Mishaps(tmp_path / "tasks"), [Task("a"), Task("b", "slow")], on_event)
 
 
 def test_a_users_mistake_reaches_the_user(tmp_path):
