@@ -115,7 +115,7 @@ def test_a_lost_scheduler_is_reported(tmp_path):
             if event.text == "a":
                 dask.lose_scheduler()
 
-        with pytest.raises(WorkError, match="connection to the Dask scheduler at .* is lost; start it again"):
+        with pytest.raises(WorkError, match=r"connection to the Dask scheduler at .* is lost; start it again"):
             DaskEngine(dask.address).share_out(Mishaps(tmp_path / "tasks"), [Task("a"), Task("b", "slow")], on_event)
 
 
