@@ -230,9 +230,11 @@ class UnknownEffect:
             axis = np.asarray(curve.x[0], float)
             first = first.with_values(params, axis[known], of_first[known], sigma[known])
         else:
-            first = replace(
-                first, parameters={name: float(params.get(name, v)) for name, v in first.parameters.items()}
-            )
+            found = {name: float(params.get(name, v)) for name, v in first.parameters.items()}
+            if curve.channel == "drop" and "amplitude" in found:  # no probability falls by more than all of it
+                largest_fall = max(-float(np.nanmin(curve.y)), 1e-9)
+                found["amplitude"] = min(found["amplitude"], 1 / largest_fall)
+            first = replace(first, parameters=found)
         return replace(fitted, terms=(first, *self.terms[1:]))
 
     def to_json(self) -> dict[str, Any]:

@@ -215,6 +215,12 @@ def test_a_bend_is_no_small_part_of_a_long_wave() -> None:
     assert limits["ge"] == pytest.approx(0.05) and limits["le"] == pytest.approx(0.2)
 
 
+def test_a_dead_laser_loses_no_more_than_all_returns() -> None:
+    """Beyond −100 % the likelihood is flat, so that a fit may end anywhere."""
+    curve = Curve("drop", ("ring",), ("",), (("0", "1"),), np.array([0.0, -1.0]), np.full(2, 0.01))
+    assert "1: −1" in UnknownEffect.of(curve).refitted({"amplitude": 1.02}, {}).form.split(" and ")[0]
+
+
 def test_no_formula_is_far_larger_between_the_bins_than_in_them() -> None:
     """Two bins far apart with a narrow peak next to one of them: a bell between them would fit with any amplitude."""
     x = np.array([0.07, 0.19, 0.2, 0.25, 0.29, 0.34, 0.42, 0.5])
