@@ -226,9 +226,9 @@ def _later(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
 def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
     """Hypotheses that turn beams, whatever their linear gain: they are far from linear.
 
-    Beams that are turned far from where they were predicted look like returns of no surface.
+    Beams that are turned far from where they were predicted look like returns of no surface, or like more noise.
     """
-    if best.group.order or best.group.channel in SPREADS or best.group.family == "intensity":
+    if best.group.order or (best.group.family == "intensity" and best.group.channel not in SPREADS):
         return []
     turning = [
         other
