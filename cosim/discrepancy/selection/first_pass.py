@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import sparse, stats
+from scipy import sparse, special
 
 from cosim.discrepancy.dictionary.build import Dictionary
 from cosim.discrepancy.dictionary.groups import Group, binned_group, is_tested
@@ -129,5 +129,11 @@ def _summary(figures: _Figures, columns: slice, one_sided: bool) -> tuple[float,
     z = score / np.sqrt(np.maximum(scatter, floor))
     square = np.maximum(z, 0) ** 2 if one_sided else z**2
     count = len(z)
-    together, largest = -stats.chi2.logsf(square.sum(), count), -stats.chi2.logsf(square.max(), 1) - np.log(count)
-    return float(max(together, largest)), float(np.sum(score**2 / floor) - count)
+    significance = max(_surprise(square.sum(), count), _surprise(square.max(), 1) - np.log(count))
+    return float(significance), float(np.sum(score**2 / floor) - count)
+
+
+def _surprise(value: float, degrees: int) -> float:
+    """−ln p of a χ² value, by the cube root of Wilson and Hilferty (PNAS 1931): finite however large it is."""
+    spread = 2 / (9 * degrees)
+    return -float(special.log_ndtr((1 - spread - np.cbrt(value / degrees)) / np.sqrt(spread)))
