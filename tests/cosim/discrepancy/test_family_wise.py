@@ -55,7 +55,7 @@ def test_a_common_offset_is_a_special_case_of_one_offset_for_each_laser() -> Non
     assert not common.is_special_case_of(returns)
 
 
-def test_one_column_of_many_is_found_in_few_clusters() -> None:
+def test_one_column_of_many_is_significant_in_few_clusters() -> None:
     rng = np.random.default_rng(5)
     found = []
     for _ in range(20):
