@@ -34,7 +34,8 @@ class DetectionThreshold(DetectionEffect):
     neutral: ClassVar = {"threshold": 0.0, "softness": 0.0001}
     shapes: ClassVar = tuple(
         {"threshold": threshold, "softness": softness}
-        for threshold, softness in ((0.03, 0.01), (0.08, 0.02), (0.15, 0.04), (0.3, 0.05), (0.3, 0.15))
+        for threshold in (0.03, 0.05, 0.08, 0.12, 0.18, 0.3)
+        for softness in (threshold / 8, threshold / 3)
     )
 
     threshold: float = number("intensity that is kept every other time", ge=0, le=1)
