@@ -18,7 +18,7 @@ from sensors.effects.registry import effect_classes
 FEW = 3  # items of a list in a sentence
 UNDETERMINED = "cannot be determined"
 _WORTH_A_WORD = 0.02  # shares of the noise floor below which a source is left out
-_STANDARD_ERRORS = 1.96  # in half a 95 % interval
+_COVERED = 0.9  # share of its allowed range that the interval of an undetermined parameter covers, at least
 
 
 class Vocabulary:
@@ -47,7 +47,7 @@ class Vocabulary:
         return (parameter.low is None or value >= parameter.low) and (parameter.high is None or value <= parameter.high)
 
     def is_determined(self, effect: str, name: str, interval: Any) -> bool:
-        """Whether the standard error of a number is at most the width of its allowed range.
+        """Whether the interval of a number leaves out a part of its allowed range.
 
         Args:
             effect, name: the parameter.
@@ -55,10 +55,10 @@ class Vocabulary:
         """
         if interval is None:
             return True
-        half = (float(interval[1]) - float(interval[0])) / 2
+        size = float(interval[1]) - float(interval[0])
         parameter = self.parameter(effect, name)
         width = np.inf if parameter.low is None or parameter.high is None else parameter.high - parameter.low
-        return bool(np.isfinite(half) and half / _STANDARD_ERRORS <= width)
+        return bool(np.isfinite(size) and size < _COVERED * width)
 
     def determined(self, effect: str, params: Mapping[str, Any], ci95: Mapping[str, Any]) -> dict[str, Any]:
         """Parameters for JSON files: None for numbers that cannot be determined."""

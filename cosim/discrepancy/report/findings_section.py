@@ -82,7 +82,7 @@ def _value(effect: str, name: str, value: object, interval: object, words: Vocab
     if np.ndim(value):  # type: ignore[arg-type]
         return words.quantity(effect, name, value, interval), "see the chart"
     if not words.is_determined(effect, name, interval):
-        return UNDETERMINED, "wider than the allowed range"
+        return UNDETERMINED, "as wide as the allowed range"
     low, high = (words.quantity(effect, name, float(end)) for end in interval)  # type: ignore[union-attr]
     return words.quantity(effect, name, value), f"{low} to {high}"
 

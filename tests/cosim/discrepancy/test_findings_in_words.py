@@ -103,7 +103,7 @@ def test_numbers_wider_than_their_range_cannot_be_determined() -> None:
     assert json_row["effects"][0]["params"] == {"amplitude_m": 0.031, "decay": None}
     assert json_row["smallest_detectable"] == {"range_bias": {"offset_m": None}}
     text = format_diagnosis(found, Vocabulary(), "drive", "my.yaml")
-    assert "wider than the allowed range" in text
+    assert "as wide as the allowed range" in text
     assert "<td>cannot be determined</td>" in text[text.index("Smallest detectable amplitudes") :]
 
 
@@ -111,6 +111,13 @@ def test_lists_count_the_lasers_that_cannot_be_determined() -> None:
     offsets, pairs = [0.01, 0.02, 0.03], [[0.0, 0.02], [-90.0, 90.0], [0.02, 0.04]]
     line = Vocabulary().quantity("ring_range_offset", "offsets_m", offsets, pairs)
     assert line == "3 values, 1 to 3 cm; 1 cannot be determined"
+
+
+def test_an_interval_that_ends_at_both_bounds_determines_nothing() -> None:
+    words = Vocabulary()
+    allowed = words.parameter("elevation_offset", "offset_deg")
+    assert words.quantity("elevation_offset", "offset_deg", 0.1, [allowed.low, allowed.high]) == "cannot be determined"
+    assert words.quantity("elevation_offset", "offset_deg", 0.1, [0.0, allowed.high]) != "cannot be determined"
 
 
 @pytest.mark.parametrize(("name", "value", "words"), [("pose_shift_m", 0.5, "50 cm"), ("object_albedo", 0.6, "60 %")])
