@@ -246,7 +246,7 @@ def widened(name: str, values: Mapping[str, Any], before: Sequence[Effect]) -> d
     undone = next((vars(one) for one in before if one.name == name), kind.neutral or {})
     for amplitude in wider.keys() & set(amplitudes(kind)):
         value, pair = np.asarray(values["params"][amplitude], float), np.asarray(wider[amplitude], float)
-        left = _TAKEN_UP * (value - np.resize(undone[amplitude], value.shape))
+        left = np.nan_to_num(_TAKEN_UP * (value - np.resize(undone[amplitude], value.shape)))  # NaN: undetermined
         wider[amplitude] = np.stack(
             [pair[..., 0] + np.minimum(left, 0), pair[..., 1] + np.maximum(left, 0)], -1
         ).tolist()

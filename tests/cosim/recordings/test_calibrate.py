@@ -86,6 +86,9 @@ def test_an_interval_knows_what_the_map_takes_up_of_what_its_points_were_not_fre
     assert first[0] == again[0] == 0.19 and 0.21 < again[1] < 0.215 < 0.23 < first[1]
     noise = {"params": {"sigma_m": 0.02}, "ci95": {"sigma_m": [0.01, 0.03]}}
     assert widened("range_noise", noise, []) == noise["ci95"], "moves no point"
+    undetermined = {"params": {"offsets_deg": [None, 0.1]}, "ci95": {"offsets_deg": [[-5.0, 5.0], [0.08, 0.12]]}}
+    [whole, narrow] = widened("ring_elevation", undetermined, [])["offsets_deg"]
+    assert whole == [-5.0, 5.0] and narrow[1] > 0.12
 
 
 @pytest.mark.slow
