@@ -11,16 +11,13 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
+from cosim.engine.heap import RETURN_LARGE_BLOCKS
 from cosim.engine.jobs import Job, JobEvent
 
 _EXIT_S = 10.0
 _START_S = 120.0
 # Matrix products are too small to benefit from BLAS threads, which slow down the other processes.
 _WITHOUT_BLAS_THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-
-# glibc by default raises the size from which a block is returned to the system when it is freed to that of the largest
-# block freed so far, up to 32 MiB; a process that builds one world after another then keeps 100 MB more.
-_RETURN_LARGE_BLOCKS = {"MALLOC_MMAP_THRESHOLD_": str(4 << 20), "MALLOC_TRIM_THRESHOLD_": str(64 << 20)}
 
 
 class Child:
@@ -35,7 +32,7 @@ class Child:
     def __init__(self, job: Job, threads: int, *, folder: str | None = None) -> None:
         ours, theirs = socket.socketpair()
         environment = {
-            **_RETURN_LARGE_BLOCKS,
+            **RETURN_LARGE_BLOCKS,
             **os.environ,
             **_WITHOUT_BLAS_THREADS,
             "LP_NUM_THREADS": str(threads if threads > 1 else 0),

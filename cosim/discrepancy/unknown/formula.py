@@ -124,9 +124,10 @@ def best_formula(
     if len(x) == 1:
         return Formula("constant", {"amplitude": _rounded(float(y[0]))}, 1.0, 0.0)
     candidates: list[tuple[float, Family, Parameters]] = []
+    positions = _between(x)
     for family, members in _members(x, period, grid):
         shapes = np.stack([family.function(x, **member) for member in members])
-        between = np.stack([family.function(_between(x), **member) for member in members])
+        between = np.stack([family.function(positions, **member) for member in members])
         for is_levelled in (False, True):
             rest = _residual(shapes, between, y, weight, is_levelled)
             row = int(np.argmin(rest))
