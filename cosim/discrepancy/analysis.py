@@ -193,12 +193,12 @@ def fit_random_effects(on: FittedFrames, effects: Sequence[Effect], estimate: Es
 
 
 def edge_tolerance(random: RandomEffects, estimate: Estimate) -> tuple[float, float]:
-    """Shift [m] and turn [rad] by which edges may be off: several standard deviations of poses and objects.
+    """Shift [m] and turn [rad] by which edges may be off: several standard deviations of poses, objects and map.
 
     Both are 0 where they are negligible.
     """
     by, poses = random.sample.settings.random_effects, random.spread(estimate, "poses")
-    shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan"))]
+    shifts = [poses[:3], *(random.spread(estimate, name)[:2] for name in ("objects", "objects_by_scan", "map"))]
     shift_m = by.edge_sigmas * float(np.sqrt(sum(np.max(part, initial=0.0) ** 2 for part in shifts)))
     turn_rad = by.edge_sigmas * float(np.max(poses[3:], initial=0.0))
     if shift_m < by.sharp_m and turn_rad < by.sharp_rad:

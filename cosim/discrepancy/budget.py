@@ -181,7 +181,7 @@ class Aligned:
     @property
     def uncertain_sources(self) -> tuple[str, ...]:
         """Sources that make the positions of edges uncertain."""
-        kinds = {"poses": ("poses",), "objects": ("objects", "objects_by_scan")}
+        kinds = {"poses": ("poses",), "objects": ("objects", "objects_by_scan"), "map": ("map",)}
         return tuple(
             part
             for part, names in kinds.items()

@@ -24,7 +24,7 @@ class BeamSampling:
     crease_m: float = 0.015  # the same for creases: edges that move if the surface that makes them is shifted
     crease_share: float = 0.002  # the same share of the range for creases
     most_firings: int = 24  # maximum distance of an edge, in firings
-    most_rings: int = 4  # maximum distance of an edge, in rings
+    most_rings: int = 10  # maximum distance of an edge, in rings
     apart: float = 0.3  # relative difference of reflectance that distinguishes materials: three times a noise of 10 %
     directions: int = 8  # number of directions around a beam in which thin objects are searched
     grazing: float = 0.02  # cosine of incidence below which a beam is nearly parallel to the surface
@@ -81,7 +81,8 @@ class LikelihoodConstants:
     least_spurious_share: float = 1e-5  # share of beams with spurious returns beyond those that effects predict
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
-    neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, with and without return
+    neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, of each kind
+    beside_edges_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
     neither_tolerance: float = 1e-5  # minimum of these shares, and their convergence tolerance
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
@@ -110,7 +111,7 @@ class RandomEffectSettings:
     least_albedo: float = 3e-3  # relative
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
-    dependent_cells: int = 3  # side of the squares of map cells whose errors may depend on each other,
+    dependent_cells: int = 6  # side of the squares of map cells whose errors may depend on each other,
     fewest_squares: int = 50  # and number of squares below which they are made smaller
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface

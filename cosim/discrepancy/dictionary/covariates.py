@@ -176,7 +176,8 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
         categories("edge", sample.edge.astype(int), ("clear", "edge")),
     ]
     for name in beside:
-        covariate = categories(name, sample.neighbour_values[name].astype(int), ("seen", "lost"))
+        is_lost = np.where(sample.edge, -1, sample.neighbour_values[name].astype(int))
+        covariate = categories(name, is_lost, ("seen", "lost"))
         found.append(None if covariate is None else replace(covariate, is_of_neighbour=True))
     return [covariate for covariate in found if covariate is not None]
 
@@ -237,15 +238,17 @@ def _numbers(
         numbers["world_azimuth"] = ("rad", world, _TURN)
     for name in _of_neighbours(sample):
         if not name.endswith("_lost"):
-            numbers[name] = ("m" if name.endswith("_range") else "", sample.neighbour_values[name], 0.0)
+            values = np.where(sample.edge, nothing, sample.neighbour_values[name])
+            numbers[name] = ("m" if name.endswith("_range") else "", values, 0.0)
     return numbers
 
 
 def _of_neighbours(sample: Sample) -> tuple[str, ...]:
-    """Names of the measurements of neighbouring beams that can be used as covariates.
+    """Names of the measurements of neighbouring beams that can be used as covariates, away from edges.
 
     Neighbours hit the same surfaces: if range or reflectance of the twin is uncertain, they share its error. The map of
-    a recording has one reflectance for each surface, while that of the real surface varies from place to place.
+    a recording has one reflectance for each surface, while that of the real surface varies from place to place. Near an
+    edge they share the error of its position: whether a neighbour is lost then says where the edge is.
     """
     uncertain = {
         "intensity": sample.of_own_map or bool(np.any(sample.twin_sigma_intensity > 0)),

@@ -23,6 +23,7 @@ from cosim.discrepancy.inference.score import Evidence, Factored, Quantity, Spar
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 
 _AXES = 6
+_LEVEL = 4  # smallest number of a facing of level surfaces, see `Sample.facing`
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +90,11 @@ class RandomEffects:
         tracks, seen = int(self._track.max(initial=-1)) + 1, int(sample.object_scan.max(initial=-1)) + 1
         cells = int(sample.surface.max(initial=-1)) + 1
         axes, free = np.array([0, 0, 1, 2]), sample.of_own_map
+        # The ground of a map is often more accurate than the positions of buildings and poles.
+        is_upright = np.zeros(cells, int)
+        if not free:
+            is_upright[sample.surface[sample.surface >= 0]] = sample.facing[sample.surface >= 0] < _LEVEL
+        of_map = (settings.free_map_m,) if free else (0.0, 0.0)
         blocks = []
         if has_poses and not sample.own_axes:
             own = (settings.pose_shift_m,) * 3 + (settings.pose_turn_rad,) * 3
@@ -97,7 +103,7 @@ class RandomEffects:
         blocks += [
             Block("objects", "objects", "range", 4 * tracks, np.tile(axes, tracks), (0.0, 0.0, 0.0)),
             Block("objects_by_scan", "objects", "range", 4 * seen, np.tile(axes, seen), (0.0, 0.0, 0.0)),
-            Block("map", "map", "range", cells, np.zeros(cells, int), (settings.free_map_m if free else 0.0,), free),
+            Block("map", "map", "range", cells, is_upright, of_map, free),
         ]
         if sample.has_intensity:
             blocks.append(Block("albedo", "objects", "intensity", tracks, np.zeros(tracks, int), (0.0,)))
@@ -113,8 +119,8 @@ class RandomEffects:
         )
         self.components = tuple((block.name, row) for block in self.blocks for row in range(len(block.start)))
         self._is_flat = np.array([block.free for block in self.blocks for _ in block.start], bool)
-        least, of_map = dict.fromkeys(("objects", "objects_by_scan"), settings.least_objects), (settings.least_map_m,)
-        least |= {"poses": settings.least_poses, "map": of_map}
+        least = dict.fromkeys(("objects", "objects_by_scan"), settings.least_objects)
+        least |= {"poses": settings.least_poses, "map": (settings.least_map_m,) * 2}
         self._least = np.array([least.get(name, (settings.least_albedo,))[row] ** 2 for name, row in self.components])
         self._designs = {
             block.name: self._range_design(block)

@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.selection.choice import STEPS, choose, needed_gain
 from cosim.discrepancy.selection.evidence import SelectionEvidence, gather_evidence
-from cosim.discrepancy.selection.refit import FittedModel, refit_without
+from cosim.discrepancy.selection.refit import FittedModel, fit_again, refit_without
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
 from sensors.effects.base import Effect
@@ -46,6 +46,9 @@ def select_terms(
         The model with its terms, and the evidence that is left.
     """
     by, rejected = settings.selection, set[str]()
+    # Candidates for ranges are fitted with an inflated σ first, which may find a better optimum of the random effects.
+    again = fit_again(model, model.fitted.effects, model.free, model.fitted.dependences, STEPS, widened=True)
+    model = replace(model, fitted=max(model.fitted, again, key=lambda fitted: fitted.loglik))
     effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
     evidence = gather_evidence(model, effects, settings, seed)
     on_first(evidence)
