@@ -111,8 +111,10 @@ class RandomEffectSettings:
     least_albedo: float = 3e-3  # relative
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
-    dependent_cells: int = 6  # side of the squares of map cells whose errors may depend on each other,
-    fewest_squares: int = 50  # and number of squares below which they are made smaller
+    dependent_cells: int = (
+        9  # side of the squares of map cells whose errors may depend on each other: a block of houses,
+    )
+    fewest_squares: int = 30  # and number of squares below which they are made smaller
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface
     flattest: float = 0.5  # minimum share of n·d of a beam and its plane that remains after a rotation

@@ -373,7 +373,8 @@ class Fitter:
             gain = -np.inf
             is_spread = acts_on_spreads(columns[: len(free)])
             attempts = [one for one in _ATTEMPTS if one[2] or (is_spread.any() and not roughly)]
-            for attempt, (damping, fraction, moves_spreads) in enumerate(attempts[tried_first:], tried_first):
+            begin = tried_first
+            for attempt, (damping, fraction, moves_spreads) in enumerate(attempts[begin:], begin):
                 step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
                 step, change_c = step[: len(lists)], step[len(lists) :]
                 step = without_common_gain(state.effects, free, step, self.sample.of_own_map)
@@ -398,10 +399,14 @@ class Fitter:
             is_stationary = bool(
                 np.all(np.abs(after.variance - state.estimate.variance) <= 0.1 * after.variance + 1e-12)
             )
+            if not np.array_equal(after.u, state.estimate.u):  # those of negligible variance are 0 now
+                state = replace(state, residuals=self.residuals(state.prediction, after, blur))
             state = self._with_surface_spread(replace(state, estimate=after), blur)
             is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value))
             if is_small and number >= 2 and (is_stationary or failures >= _MOST_FAILURES):
-                break
+                if begin == 0:
+                    break
+                tried_first = 0  # a damped step gains little; a full one may gain more
         return state
 
     def _with_surface_spread(self, state: _State, blur: float) -> _State:

@@ -169,7 +169,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     density = surface + elsewhere
     outcome = kept * np.where(returned, density, silent) / untouched
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
-    likelihood, met = _mixed(sample, outcome, mean)
+    likelihood, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
     ends = MapEnds.of(sample, np.where(returned, np.maximum(certain, constants.lost_share), silent))
     if ends is not None:
@@ -215,7 +215,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     )
 
 
-def _mixed(sample: Sample, outcome: np.ndarray, range_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
 
     Beams near edges hit one of the sides, or an unknown surface: then they have a return near one of the sides, at a
@@ -225,14 +225,13 @@ def _mixed(sample: Sample, outcome: np.ndarray, range_m: np.ndarray) -> tuple[np
     Args:
         sample: sample of measured beams.
         outcome: (n,) likelihood of each beam's measurement if it hit the surface of this row.
-        range_m: (n,) predicted range [m] of this surface; NaN for none.
     """
     if not sample.edge.any():
         return outcome, np.ones(len(outcome))
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
-    unknown = _unknown_surfaces(sample, range_m)
+    unknown = _unknown_surfaces(sample)
     for kind in (~sample.beside_sky, sample.beside_sky):
         near, rows = np.flatnonzero(sample.edge & sample.first & kind), np.flatnonzero(sample.edge & kind)
         if not len(near):
@@ -245,22 +244,24 @@ def _mixed(sample: Sample, outcome: np.ndarray, range_m: np.ndarray) -> tuple[np
     return likelihood, met
 
 
-def _unknown_surfaces(sample: Sample, range_m: np.ndarray) -> np.ndarray:
+def _unknown_surfaces(sample: Sample) -> np.ndarray:
     """Likelihoods (c, n) of beams that hit an unknown surface near an edge, in their first rows.
 
     Where the positions of edges are uncertain, most unknown surfaces are not far behind or in front of a side: leaves,
-    or another part of the same object. How far they are is estimated with the shares: the distances from the sides
-    have a mixture of Laplace distributions of fixed scales.
+    or another part of the same object. How far they are is estimated with the shares: the distances from the traced
+    sides have a mixture of Laplace distributions of fixed scales.
     """
     returned, constants = sample.returned, sample.settings.likelihood
-    distance_m = np.abs(sample.along_m[sample.own] - range_m)
-    beside = np.where(np.isfinite(distance_m), sample.chance, 0.0)
-    distance_m = np.nan_to_num(distance_m)
-    near = [
-        np.bincount(sample.own, beside * np.exp(-distance_m / scale_m) / (2 * scale_m), len(range_m))
-        for scale_m in constants.beside_edges_m
-    ]
-    return np.stack([*near, returned / constants.reach_m, (~returned).astype(float)])
+    distance_m = np.abs(sample.along_m[sample.own] - sample.range_m)
+    beside = np.where(np.isfinite(sample.range_m), sample.chance, 0.0)
+    whole = np.bincount(sample.own, beside, len(beside))
+    uniform = returned / constants.reach_m
+    near = []
+    for scale_m in constants.beside_edges_m:
+        density = beside * np.exp(-np.nan_to_num(distance_m) / scale_m) / (2 * scale_m)
+        total = np.bincount(sample.own, density, len(beside))
+        near.append(np.where(whole > 0, returned * total / np.maximum(whole, 1e-300), uniform))
+    return np.stack([*near, uniform, (~returned).astype(float)])
 
 
 def intensity_loglik(sample: Sample, expected: Prediction) -> np.ndarray:

@@ -26,7 +26,7 @@ from sensors.effects.points.range_bias import RangeBias
 from tests.cosim.discrepancy.small_drive import Yard, make_yard
 
 SHIFT_M, TURN_RAD = 0.15, 5e-3
-SHARES = np.array([0.03, 0.02])
+SHARES = np.array([0.03, 0.02, 0.01, 0.02])  # near a side, less near, anywhere, nowhere
 
 
 @pytest.fixture(scope="module")
