@@ -111,14 +111,12 @@ class RandomEffectSettings:
     least_albedo: float = 3e-3  # relative
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
-    dependent_cells: int = (
-        9  # side of the squares of map cells whose errors may depend on each other: a block of houses,
-    )
+    dependent_cells: int = 9  # side of the squares of map cells whose errors may depend on each other,
     fewest_squares: int = 30  # and number of squares below which they are made smaller
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface
     flattest: float = 0.5  # minimum share of n·d of a beam and its plane that remains after a rotation
-    edge_sigmas: float = 3.5  # edges are widened by this many σ of pose and object errors,
+    edge_sigmas: float = 3.5  # edges are widened by this many σ of pose, object and map errors,
     least_chance: float = 1e-3  # minimum probability of hitting the other side of an edge to be considered
     widest_m: float = 0.15  # but at most by this shift,
     widest_rad: float = 2e-3  # and this rotation

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cosim.discrepancy.analysis import FittedFrames, context_of, fit_held_out
+from cosim.discrepancy.analysis import FittedFrames, context_of, edge_tolerance, fit_held_out
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.effects import effect_groups
@@ -19,7 +19,7 @@ from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import DEFAULT
-from cosim.drives.twin import write_frame
+from cosim.drives.twin import read_glb, write_frame, write_glb
 from cosim.drives.twin.frame import read_frame
 from sensors.effects.base import Effect
 from sensors.effects.detection.detection_threshold import DetectionThreshold
@@ -72,6 +72,37 @@ def test_standard_deviation_of_pose_errors_is_recovered(shaken: Yard) -> None:
 
 def test_nothing_shows_where_only_poses_are_off(shaken: Yard) -> None:
     assert min((one.p_value for one in _tested(fit_yard(shaken), shaken) if one.gain > 3), default=1.0) > 0.01
+
+
+def test_upright_surfaces_of_the_map_have_their_own_variance(tmp_path: Path) -> None:
+    """The ground of the twin is exact, and each wall is displaced."""
+    yard = make_yard(tmp_path, NOISY, known=(NOISE,), frames=8)
+    path = yard.drive / "twin/static.glb"
+    world = read_glb(path)
+    is_of_wall = np.any(world.vertices % 10 != 0, axis=1)  # tiles of the ground have corners at multiples of 10 m
+    away = SHIFT_M * np.sign(world.vertices[:, :2]) * (np.abs(world.vertices[:, :2]) > 1)
+    moved = world.vertices + np.column_stack([away, np.zeros(len(away))]) * is_of_wall[:, None]
+    write_glb(path, replace(world, vertices=moved))
+    view = fit_yard(yard)
+    level, upright = view.fitter.random.spread(view.fitted.estimate, "map")
+    assert level < 0.2 * SHIFT_M
+    assert upright == pytest.approx(SHIFT_M, rel=0.5)
+    shift_m, _ = edge_tolerance(view.fitter.random, view.fitted.estimate)
+    assert shift_m > DEFAULT.random_effects.edge_sigmas * upright
+
+
+def test_residuals_are_those_of_the_estimate_where_a_variance_became_negligible(tmp_path: Path) -> None:
+    """Errors of the ground that are too small for a variance of their own are set to 0, also in the residuals."""
+    yard = make_yard(tmp_path, NOISY, known=(NOISE,), frames=8)
+    path = yard.drive / "twin/static.glb"
+    world = read_glb(path)
+    tile = np.arange(len(world.vertices)) // 4
+    up = 8e-4 * (-1.0) ** tile * np.all(world.vertices % 10 == 0, axis=1)
+    write_glb(path, replace(world, vertices=world.vertices + np.outer(up, (0, 0, 1))))
+    view = fit_yard(yard)
+    fitted = view.fitted
+    assert view.fitter.random.spread(fitted.estimate, "map")[0] == 0
+    assert fitted.loglik == pytest.approx(view.fitter.at(fitted.effects, fitted.estimate).loglik, abs=1e-3)
 
 
 def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:

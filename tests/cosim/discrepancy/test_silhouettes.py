@@ -13,6 +13,7 @@ from assets.mesh import Mesh
 from assets.shapes import box
 from cosim.discrepancy.analysis import Context, context_of
 from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.inference import likelihood
 from cosim.discrepancy.inference.dependence import channel_slopes
 from cosim.discrepancy.inference.fit import Fitter
@@ -173,6 +174,27 @@ def test_without_edges_and_with_nothing_but_edges(context: Context, frames) -> N
     assert np.isfinite(outer.loglik).all() and np.all((outer.met >= 0) & (outer.met <= 1))
     assert outer.met[sample.first].mean() < plain.met.mean(), "any beam may have met neither"
     assert np.all(np.bincount(sample.own, outer.met) <= 1 + 1e-9)
+
+
+def test_neighbours_are_no_covariates_near_edges(context: Context, frames) -> None:
+    sample = _sampled(frames)
+    found = {one.name: one for one in sample_covariates(sample, _expected(context, sample), tuple(frames))}
+    of_neighbours = [one for one in found.values() if one.is_of_neighbour]
+    assert {"above_intensity", "previous_range"} <= {one.name for one in of_neighbours}
+    for covariate in of_neighbours:
+        assert np.all(covariate.index[sample.edge] < 0)
+        assert np.any(covariate.index[~sample.edge] >= 0)
+
+
+def test_unknown_surfaces_are_expected_near_the_sides_of_an_edge(context: Context, frames) -> None:
+    """Returns 20 cm behind their side are as likely as their share, not as one at any range."""
+    sample = _sampled(frames)
+    expected = _expected(context, sample)
+    is_aside = sample.edge & sample.first & np.isfinite(sample.range_m) & (sample.beam % 10 == 0)
+    aside = replace(sample, along_m=np.where(is_aside, sample.range_m + 0.2, sample.along_m))
+    far = replace(sample, along_m=np.where(is_aside, np.abs(sample.range_m - 60), sample.along_m))
+    near_loglik, far_loglik = (np.median(residuals_of(one, expected).outcome[is_aside]) for one in (aside, far))
+    assert near_loglik > far_loglik + 2
 
 
 def test_likelihood_per_beam_near_edges_does_not_depend_on_the_sample_size(context: Context, frames) -> None:
