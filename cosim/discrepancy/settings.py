@@ -111,7 +111,8 @@ class RandomEffectSettings:
     least_albedo: float = 3e-3  # relative
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
-    dependent_cells: int = 9  # side of the squares of map cells whose errors may depend on each other,
+    dependent_cells: int = 9  # side of the squares of map cells whose position errors may depend on each other,
+    alike_cells: int = 3  # the same for errors of reflectances,
     fewest_squares: int = 30  # and number of squares below which they are made smaller
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface

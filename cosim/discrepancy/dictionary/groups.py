@@ -130,10 +130,15 @@ class Group:
     @property
     def family(self) -> str:
         """Family of the channel: one of `FAMILIES`."""
-        name = self.channel.removeprefix("shared_")
-        if name.startswith("intensity"):
-            return "intensity"
-        return "returns" if name in ("drop", *SPURIOUS) else "range"
+        return family_of(self.channel)
+
+
+def family_of(channel: str) -> str:
+    """Family of a channel, or of the errors of a channel that beams share: one of `FAMILIES`."""
+    name = channel.removeprefix("shared_")
+    if name.startswith("intensity"):
+        return "intensity"
+    return "returns" if name in ("drop", *SPURIOUS) else "range"
 
 
 def basis_group(

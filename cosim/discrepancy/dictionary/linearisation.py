@@ -72,9 +72,14 @@ class Linearisation:
         """Sample of beams."""
         return self.fitter.sample
 
-    def projector(self, sectors: int) -> Projector:
-        """Projector for efficient scores, with this number of sectors of each scan as clusters."""
-        clusters = self.fitter.random.clusters_by_sector(sectors)
+    def projector(self, sectors: int, *, of_positions: bool = True) -> Projector:
+        """Projector for efficient scores, with this number of sectors of each scan as clusters.
+
+        Args:
+            sectors: number of sectors.
+            of_positions: whether the clusters are those of errors of positions, see `RandomEffects.clusters_of`.
+        """
+        clusters = self.fitter.random.clusters_of(of_positions, sectors)
         is_flat = self.sample.of_own_map  # flat priors do not inform about a mean of random effects
         least_left = 0.0 if is_flat else self.sample.settings.selection.least_left
         return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share, least_left)

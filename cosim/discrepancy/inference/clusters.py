@@ -27,10 +27,10 @@ class Clusters:
     unit_scan: np.ndarray
 
 
-def joined_cells(sample: Sample) -> np.ndarray:
+def joined_cells(sample: Sample, most: int) -> np.ndarray:
     """Number (n,) of the instance, square of map cells, or sector of the sky that each beam hits.
 
-    Squares get smaller where the map is so small that there would be few of them.
+    Squares have sides of `most` cells; smaller ones where the map is so small that there would be few of them.
     """
     cells, settings = sample.cells, sample.settings
     is_cell = np.isfinite(cells[:, 0])
@@ -38,7 +38,7 @@ def joined_cells(sample: Sample) -> np.ndarray:
     keys[~is_cell, 0] = 1 + np.flatnonzero(~is_cell)
     keys[is_cell, 1] = cells[is_cell, 0]
     number = np.arange(len(cells))
-    for side in range(settings.random_effects.dependent_cells, 0, -1):
+    for side in range(most, 0, -1):
         keys[is_cell, 2:] = np.floor(cells[is_cell, 1:] / (side * settings.sampling.cell_m))
         number = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
         if len(np.unique(number[is_cell])) >= settings.random_effects.fewest_squares:

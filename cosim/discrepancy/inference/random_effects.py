@@ -164,14 +164,22 @@ class RandomEffects:
 
     @cached_property
     def clusters(self) -> Clusters:
-        """Clusters of the beams and random effects, for robust (sandwich) variances.
+        """Clusters of the beams and random effects, for robust (sandwich) variances."""
+        return self.clusters_of(True, -(-self._settings.fewest_parts // max(len(self.sample.names), 1)))
 
-        Map cells are joined to larger squares, because displaced buildings are larger than a cell.
+    def clusters_of(self, positions: bool, sectors: int) -> Clusters:
+        """Clusters of the beams and random effects, each scan divided into this number of azimuth sectors.
+
+        Map cells are joined to larger squares: all walls of a displaced building share its error, while errors of
+        reflectances extend less far.
+
+        Args:
+            positions: whether errors of positions are meant, or of reflectances.
+            sectors: number of sectors.
         """
-        sample = self.sample
-        cluster = joined_cells(sample)
-        sectors = -(-self._settings.fewest_parts // max(len(sample.names), 1))
-        sector = ((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+        sample, by = self.sample, self._settings
+        cluster = joined_cells(sample, by.dependent_cells if positions else by.alike_cells)
+        sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
         track, scan = np.full(self.size, -1), np.full(self.size, -1)
         poses = self.rows("poses")
         scan[poses] = np.arange(poses.stop - poses.start) // _AXES
@@ -185,12 +193,6 @@ class RandomEffects:
                 of_unit[number[used]] = cluster[used]
                 track[rows] = np.repeat(of_unit, each)
         return Clusters(cluster, sample.frame, sample.frame * sectors + sector, track, scan)
-
-    def clusters_by_sector(self, sectors: int) -> Clusters:
-        """Return the clusters with each scan divided into this number of azimuth sectors."""
-        sample = self.sample
-        sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
-        return replace(self.clusters, part=sample.frame * sectors + sector)
 
     def start(self) -> Estimate:
         """Return the default initial estimate: all random effects 0, initial variances from the settings."""

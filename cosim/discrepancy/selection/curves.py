@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cosim.discrepancy.dictionary.covariates import SampleCovariate
-from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.groups import Group, family_of
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import AXES, PLACES
 from cosim.discrepancy.inference.dependence import SPURIOUS, Dependence
@@ -73,7 +73,8 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
         linearisation.fitter.random, others, linearisation.evidence, fitted.prediction, fitted.estimate
     )
     columns = stacked([own], linearisation.evidence.score, len(sample))
-    found = replace(linearisation, mixed=mixed).projector(sectors).project(columns)
+    of_positions = family_of(dependence.channel) == "range"
+    found = replace(linearisation, mixed=mixed).projector(sectors, of_positions=of_positions).project(columns)
     inverse = np.linalg.pinv(ridged(found.information, 1e-6), hermitian=True)
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
-from cosim.discrepancy.dictionary.groups import Group
+from cosim.discrepancy.dictionary.groups import FAMILIES, Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.projection import TRACK
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import FittedModel
-from cosim.discrepancy.selection.table import GroupTest, evaluate, score_groups, score_shared
+from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
 from cosim.discrepancy.settings import Settings
 
 
@@ -70,8 +70,12 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     dictionary = build_dictionary(linearisation, effects, settings, rng)
     projector = linearisation.projector(by.sectors)
-    kept = first_pass(linearisation, dictionary, projector, settings)
-    entries = score_groups(linearisation, kept, projector, by)
+    of_reflectances = linearisation.projector(by.sectors, of_positions=False)
+    by_family = {family: projector if family == "range" else of_reflectances for family in FAMILIES}
+    kept = first_pass(linearisation, dictionary, by_family, settings)
+    entries: list[Entry] = []
+    for family, own in by_family.items():
+        entries += score_groups(linearisation, [group for group in kept if group.family == family], own, by)
     shared = shared_errors(linearisation, projector.clusters[TRACK])
     entries += score_shared(linearisation, shared, model.shared, projector)
     tested = dictionary.tested + len(shared)

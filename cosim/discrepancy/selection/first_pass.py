@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import sparse, special
 
 from cosim.discrepancy.dictionary.build import Dictionary
-from cosim.discrepancy.dictionary.groups import Group, binned_group, is_tested
+from cosim.discrepancy.dictionary.groups import Group, binned_group, family_of, is_tested
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import MEANS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
@@ -19,18 +19,24 @@ _LEAST_SURPRISE = 0.2  # −ln p of a group below which it is not looked at furt
 
 
 def first_pass(
-    linearisation: Linearisation, dictionary: Dictionary, projector: Projector, settings: Settings
+    linearisation: Linearisation, dictionary: Dictionary, projectors: Mapping[str, Projector], settings: Settings
 ) -> list[Group]:
     """All effects of the catalogue, and the most significant dependences of each channel.
 
     Dependences are ranked by significance and by all that they may gain. Nothing is eliminated here: near an
     optimum the plain score is the efficient one, and its variance is an upper bound.
+
+    Args:
+        linearisation: of the model.
+        dictionary: all hypotheses.
+        projectors: by family of channels.
+        settings: numeric choices.
     """
     always = [group for group in dictionary.explicit if group.direct is not None or group.is_effect]
     others = [group for group in dictionary.explicit if group not in always]
-    kept = [*always, *_best(_rank_explicit(linearisation, others, projector), settings.selection.kept)]
+    kept = [*always, *_best(_rank_explicit(linearisation, others, projectors), settings.selection.kept)]
     for channel in linearisation.channels:
-        rows = _rank_binned(linearisation, channel, dictionary, projector, settings)
+        rows = _rank_binned(linearisation, channel, dictionary, projectors[family_of(channel)], settings)
         names = {group.name: group for _, _, group in rows}
         best = _best(rows, settings.selection.kept)
         for group in list(best):  # of a pair its covariates, too
@@ -83,7 +89,9 @@ def _rank_binned(
     return rows
 
 
-def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projector: Projector) -> list[_Row]:
+def _rank_explicit(
+    linearisation: Linearisation, groups: Sequence[Group], projectors: Mapping[str, Projector]
+) -> list[_Row]:
     rows = []
     share = linearisation.sample.share
     for group in groups:
@@ -92,7 +100,7 @@ def _rank_explicit(linearisation: Linearisation, groups: Sequence[Group], projec
         parts = []
         for name, matrix in group.columns.items():
             score, information = linearisation.evidence.score[name], linearisation.evidence.information[name]
-            parts.append(_figures(matrix.tocsr(), score, information, share, projector))
+            parts.append(_figures(matrix.tocsr(), score, information, share, projectors[group.family]))
         track = sum(part[0] for part in parts)
         scatter, floor = (sum(part[position] for part in parts) for position in (1, 2))
         rows.append((*_summary((track, scatter, floor), slice(None), group.one_sided), group))  # type: ignore[arg-type]

@@ -78,12 +78,12 @@ def linearised(
             evidence.score[name] = scores[name].score - scores[name].information * (matrix @ u)  # type: ignore[index]
     mixed = LinearModel({}, z, used, precision, known, np.zeros(len(used), int), solver, evidence)
 
-    def clusters_by_sector(sectors: int) -> Clusters:
+    def clusters_of(positions: bool, sectors: int) -> Clusters:
         sector = np.minimum(((beams.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
         part = beams.scan * sectors + sector
         return Clusters(beams.track, beams.scan, part, np.arange(tracks), np.full(tracks, -1))
 
-    random = SimpleNamespace(clusters_by_sector=clusters_by_sector, has_poses=True)
+    random = SimpleNamespace(clusters_of=clusters_of, has_poses=True)
     fitter: Any = SimpleNamespace(sample=sample, random=random)
     prediction = SimpleNamespace(seen=np.full(n, 0.93), silent=np.full(n, 0.07))
     fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
