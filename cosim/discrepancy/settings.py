@@ -26,7 +26,8 @@ class BeamSampling:
     most_firings: int = 24  # maximum distance of an edge, in firings
     most_rings: int = 10  # maximum distance of an edge, in rings
     apart: float = 0.3  # relative difference of reflectance that distinguishes materials: three times a noise of 10 %
-    directions: int = 8  # number of directions around a beam in which thin objects are searched
+    directions: int = 8  # number of directions around a beam in which thin objects are searched,
+    distances: int = 12  # and number of distances in each: a rail of 1 cm may lie anywhere within the tolerance
     grazing: float = 0.02  # cosine of incidence below which a beam is nearly parallel to the surface
     brightest: float = 1.001  # intensities above this are bytes
     most_points: float = 0.99  # quantile of a scan's intensities that is compared with it

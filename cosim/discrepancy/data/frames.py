@@ -116,11 +116,10 @@ class TracedFrame:
         angle = turn_rad + shift_m / np.maximum(measured[rows], 1.0)
         angles = np.linspace(0, 2 * np.pi, settings.directions, endpoint=False)
         offsets = [np.cos(turn) * across + np.sin(turn) * upward for turn in angles]
-        shots = np.concatenate(
-            [direction + (part * angle)[:, None] * offset for part in (0.5, 1.0) for offset in offsets]
-        )
+        parts = np.arange(1, settings.distances + 1) / settings.distances
+        shots = np.concatenate([direction + (part * angle)[:, None] * offset for part in parts for offset in offsets])
         shots /= np.linalg.norm(shots, axis=1, keepdims=True)
-        count = 2 * settings.directions
+        count = len(parts) * len(offsets)
         time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
         origin = np.tile(traced.origin[rows], (count, 1))
         hits = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])

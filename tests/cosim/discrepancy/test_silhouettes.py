@@ -23,8 +23,9 @@ from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.sampling.sample import Prediction, Sample
 from cosim.discrepancy.settings import DEFAULT
+from cosim.drives.twin import read_glb, write_glb
 from sensors.effects.points.range_bias import RangeBias
-from tests.cosim.discrepancy.small_drive import Yard, make_yard
+from tests.cosim.discrepancy.small_drive import PATTERN, Yard, make_yard
 
 SHIFT_M, TURN_RAD = 0.15, 5e-3
 SHARES = np.array([0.03, 0.02, 0.01, 0.02])  # near a side, less near, anywhere, nowhere
@@ -233,3 +234,31 @@ def test_a_beam_that_always_returns_can_be_lost(context: Context, frames) -> Non
     expected = replace(_expected(context, sample), seen=np.ones(len(sample)))
     slope = channel_slopes(sample, expected, {}, ["drop"])["drop"]["drop"]
     np.testing.assert_allclose(slope[np.isfinite(expected.range_m)], 1)
+
+
+def test_beams_that_may_hit_a_thin_rail_between_two_rings_are_ambiguous(tmp_path: Path) -> None:
+    """The twin has a rail 3.7 mrad below a ring; the sensor was 4 cm lower and measured it."""
+    ahead_m, elevation = 12.0, np.radians(-0.3)
+
+    def onto_rail(points: np.ndarray) -> np.ndarray:
+        upward = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1]))
+        meets = (
+            (np.abs(upward - np.radians(PATTERN.elevation_deg[2])) < 1e-3)
+            & (points[:, 0] > ahead_m)
+            & (np.abs(points[:, 1] / points[:, 0]) < 0.2)
+        )
+        scale = np.where(meets, ahead_m / np.maximum(points[:, 0], 1e-3), 1.0)
+        return np.column_stack([points[:, :3] * scale[:, None], points[:, 3]]).astype(np.float32)
+
+    yard = make_yard(tmp_path, change=onto_rail)
+    path = yard.drive / "twin/static.glb"
+    rail = box((0.02, 8.0, 0.01), (ahead_m - 6.0, 0.6, 1.73 + ahead_m * np.tan(elevation)), "wood")
+    write_glb(path, Mesh.merge([read_glb(path), rail]))
+    context = context_of(opened(yard.drive), yard.sensor)
+    frame = context.tracer.trace("000000", ())
+    measured = frame.observed.range_from(frame.shot.rays.origin)
+    is_of_rail = (frame.shot.rays.ring == 2) & (np.abs(measured - ahead_m) < 0.3)
+    assert np.count_nonzero(is_of_rail) > 20
+    ambiguous = frame.near_uncertain_edges(SHIFT_M, 0.0)
+    assert np.all(ambiguous[is_of_rail])
+    assert not np.all(ambiguous[frame.shot.rays.ring == 2])
