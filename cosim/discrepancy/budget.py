@@ -19,7 +19,7 @@ from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.scores import Adjustment, Ensemble, FrameScores, Totals, model_chance, scored
+from cosim.discrepancy.scores import Adjustment, Ensemble, FrameScores, Totals, model_chance, scored, stray_ranges
 from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
@@ -247,17 +247,23 @@ class Aligned:
         """One frame; the last one requested is kept, because before and after are often the same."""
         if self._last is None or self._last.number != number:
             frame = self._frames[number]
+            members = Ensemble.of(frame, self._effects, model_chance(0, number), self._origin)
             self._last = _Scan(
                 number=number,
                 frame=frame,
                 effects=self._effects,
-                members=Ensemble.of(frame, self._effects, model_chance(0, number), self._origin),
+                members=members,
                 random=self._random,
                 estimate=self._estimate,
-                wide=frame.near_uncertain_edges(*self._tolerance) if any(self._tolerance) else None,
+                wide=self._ambiguous(frame, members) if any(self._tolerance) else None,
                 factors=None if self._factors is None else self._factors[number],
             )
         return self._last
+
+    def _ambiguous(self, frame: TracedFrame, members: Ensemble) -> np.ndarray:
+        """(n,) bool beams that may hit another surface, as measured or as the model predicts for a footprint."""
+        predicted = [frame.fits_nearby(strays, *self._tolerance) for strays in stray_ranges(frame, members)]
+        return np.any([frame.near_uncertain_edges(*self._tolerance), *predicted], axis=0)
 
 
 @dataclass(frozen=True, eq=False)

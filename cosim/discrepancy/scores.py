@@ -281,6 +281,11 @@ def scored(
     )
 
 
+def stray_ranges(frame: TracedFrame, ensemble: Ensemble) -> np.ndarray:
+    """Ranges (m, n) [m] of the members' returns that are away from all surfaces of the beam; NaN for others."""
+    return np.where(_near(ensemble.range_m, _surfaces(frame)), np.nan, ensemble.range_m)
+
+
 def _crps(members: np.ndarray, measured: np.ndarray, clip: float) -> np.ndarray:
     """Fair CRPS (n,) of ensembles (m, n) with missing values; clipped distances, which keep the score proper."""
     is_present = ~np.isnan(members)

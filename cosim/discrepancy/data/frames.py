@@ -97,34 +97,35 @@ class TracedFrame:
         seam = self.border | self.seam
         range_m = np.where(seam, self.shot.hits.solid.range_m, np.inf)
         is_near = requested & widened(seam, range_m, self.shot.pattern, shift_m, turn_rad, self.settings.beams)
-        return is_near | self._hits_nearby(shift_m, turn_rad, requested & ~is_near)
+        comparable = requested & ~is_near & self.observed.returned & self.observed.trusted
+        measured = self.observed.range_from(self.shot.rays.origin)
+        return is_near | self.fits_nearby(np.where(comparable, measured, np.nan), shift_m, turn_rad)
 
-    def _hits_nearby(self, shift_m: float, turn_rad: float, requested: np.ndarray) -> np.ndarray:
-        """(n,) bool beams among `requested` whose measured range fits not their own hit but that of a nearby direction.
+    def fits_nearby(self, range_m: np.ndarray, shift_m: float, turn_rad: float) -> np.ndarray:
+        """(n,) bool beams of which a range (n,) [m] fits not their own hit but that of a nearby direction.
 
-        Wires and thin poles may lie between beams, so that no traced beam shows the edge.
+        Wires and thin poles may lie between beams, so that no traced beam shows the edge. False where it is NaN.
         """
         settings = self.settings.beams
-        traced, world, measured = self.shot.traced, self.shot.world, self.observed.range_from(self.shot.rays.origin)
+        traced, world = self.shot.traced, self.shot.world
         assert traced is not None and world is not None  # frames are traced
-        requested = requested & self.observed.returned & self.observed.trusted
-        far = requested & ~(np.abs(measured - self.shot.hits.solid.range_m) < settings.same_m)
-        rows = np.flatnonzero(far)
+        is_own = np.abs(range_m - self.shot.hits.solid.range_m) < settings.same_m
+        rows = np.flatnonzero(np.isfinite(range_m) & ~is_own)
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
         across = np.cross(direction, upwards_m)
         upward = np.cross(across, direction)
-        angle = turn_rad + shift_m / np.maximum(measured[rows], 1.0)
+        angle = turn_rad + shift_m / np.maximum(range_m[rows], 1.0)
         angles = np.linspace(0, 2 * np.pi, settings.directions, endpoint=False)
         offsets = [np.cos(turn) * across + np.sin(turn) * upward for turn in angles]
         parts = np.arange(1, settings.distances + 1) / settings.distances
         shots = np.concatenate([direction + (part * angle)[:, None] * offset for part in parts for offset in offsets])
         shots /= np.linalg.norm(shots, axis=1, keepdims=True)
         count = len(parts) * len(offsets)
-        time_s = np.broadcast_to(traced.time_s, len(measured))[rows]
+        time_s = np.broadcast_to(traced.time_s, len(range_m))[rows]
         origin = np.tile(traced.origin[rows], (count, 1))
         hits = world.shoot(origin, shots, np.tile(time_s, count), self.shot.pattern.range_m[1])
-        same = np.abs(hits.range_m - np.tile(measured[rows], count)) < settings.same_m
-        is_beside = np.zeros(len(measured), bool)
+        same = np.abs(hits.range_m - np.tile(range_m[rows], count)) < settings.same_m
+        is_beside = np.zeros(len(range_m), bool)
         is_beside[rows] = same.reshape(count, len(rows)).any(0)
         return is_beside
 
