@@ -83,7 +83,7 @@ class LikelihoodConstants:
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, of each kind
-    beside_edges_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
+    unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
     neither_tolerance: float = 1e-5  # minimum of these shares, and their convergence tolerance
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
@@ -113,7 +113,7 @@ class RandomEffectSettings:
     probes: int = 12  # random vectors for stochastic trace estimates
     most_step: float = 30.0  # maximum factor by which a variance changes in one update
     dependent_cells: int = 9  # side of the squares of map cells whose position errors may depend on each other,
-    alike_cells: int = 3  # the same for errors of reflectances,
+    reflectance_cells: int = 3  # the same for errors of reflectances,
     fewest_squares: int = 30  # and number of squares below which they are made smaller
     fewest_parts: int = 16  # minimum number of clusters: fewer scans are divided into sectors
     same_surface: float = 0.5  # maximum relative change of the range of a deflected beam on the same surface

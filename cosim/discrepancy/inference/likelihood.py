@@ -257,7 +257,7 @@ def _unknown_surfaces(sample: Sample) -> np.ndarray:
     whole = np.bincount(sample.own, beside, len(beside))
     uniform = returned / constants.reach_m
     near = []
-    for scale_m in constants.beside_edges_m:
+    for scale_m in constants.unknown_scales_m:
         density = beside * np.exp(-np.nan_to_num(distance_m) / scale_m) / (2 * scale_m)
         total = np.bincount(sample.own, density, len(beside))
         near.append(np.where(whole > 0, returned * total / np.maximum(whole, 1e-300), uniform))

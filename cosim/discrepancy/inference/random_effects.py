@@ -178,7 +178,7 @@ class RandomEffects:
             sectors: number of sectors.
         """
         sample, by = self.sample, self._settings
-        cluster = joined_cells(sample, by.dependent_cells if positions else by.alike_cells)
+        cluster = joined_cells(sample, by.dependent_cells if positions else by.reflectance_cells)
         sector = np.minimum(((sample.azimuth + np.pi) / (2 * np.pi) * sectors).astype(int), sectors - 1)
         track, scan = np.full(self.size, -1), np.full(self.size, -1)
         poses = self.rows("poses")
