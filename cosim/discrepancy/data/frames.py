@@ -109,8 +109,8 @@ class TracedFrame:
         settings = self.settings.beams
         traced, world = self.shot.traced, self.shot.world
         assert traced is not None and world is not None  # frames are traced
-        is_own = np.abs(range_m - self.shot.hits.solid.range_m) < settings.same_m
-        rows = np.flatnonzero(np.isfinite(range_m) & ~is_own)
+        rows = np.flatnonzero(np.isfinite(range_m))
+        rows = rows[~(np.abs(range_m[rows] - self.shot.hits.solid.range_m[rows]) < settings.same_m)]
         direction, upwards_m = traced.direction[rows], traced.hits.pose[:3, 2]
         across = np.cross(direction, upwards_m)
         upward = np.cross(across, direction)
