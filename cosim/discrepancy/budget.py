@@ -19,7 +19,7 @@ from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.sampling.drawing import whole_sample
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.scores import Adjustment, Ensemble, FrameScores, Totals, model_chance, scored, stray_ranges
+from cosim.discrepancy.scores import Adjustment, Ensemble, FrameScores, Totals, model_chance, scored, spurious_ranges
 from sensors.effects.acting import bending, in_order
 from sensors.effects.base import Effect
 from sensors.effects.expectation import Expectation, expect
@@ -262,7 +262,7 @@ class Aligned:
 
     def _ambiguous(self, frame: TracedFrame, members: Ensemble) -> np.ndarray:
         """(n,) bool beams that may hit another surface, as measured or as the model predicts for a footprint."""
-        predicted = [frame.fits_nearby(strays, *self._tolerance) for strays in stray_ranges(frame, members)]
+        predicted = [frame.fits_nearby(range_m, *self._tolerance) for range_m in spurious_ranges(frame, members)]
         return np.any([frame.near_uncertain_edges(*self._tolerance), *predicted], axis=0)
 
 

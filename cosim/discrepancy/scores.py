@@ -281,7 +281,7 @@ def scored(
     )
 
 
-def stray_ranges(frame: TracedFrame, ensemble: Ensemble) -> np.ndarray:
+def spurious_ranges(frame: TracedFrame, ensemble: Ensemble) -> np.ndarray:
     """Ranges (m, n) [m] of the members' returns that are away from all surfaces of the beam; NaN for others."""
     return np.where(_near(ensemble.range_m, _surfaces(frame)), np.nan, ensemble.range_m)
 

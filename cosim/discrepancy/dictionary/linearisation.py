@@ -72,14 +72,14 @@ class Linearisation:
         """Sample of beams."""
         return self.fitter.sample
 
-    def projector(self, sectors: int, *, of_positions: bool = True) -> Projector:
+    def projector(self, sectors: int, family: str = "range") -> Projector:
         """Projector for efficient scores, with this number of sectors of each scan as clusters.
 
         Args:
             sectors: number of sectors.
-            of_positions: whether the clusters are those of errors of positions, see `RandomEffects.clusters_of`.
+            family: of the tested channels; errors of positions have larger clusters, see `RandomEffects.clusters_of`.
         """
-        clusters = self.fitter.random.clusters_of(of_positions, sectors)
+        clusters = self.fitter.random.clusters_of(family == "range", sectors)
         is_flat = self.sample.of_own_map  # flat priors do not inform about a mean of random effects
         least_left = 0.0 if is_flat else self.sample.settings.selection.least_left
         return Projector(self.mixed, self.fitted.estimate, clusters, self.sample.share, least_left)

@@ -231,37 +231,16 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
-    unknown = _unknown_surfaces(sample)
     for kind in (~sample.beside_sky, sample.beside_sky):
         near, rows = np.flatnonzero(sample.edge & sample.first & kind), np.flatnonzero(sample.edge & kind)
         if not len(near):
             continue
-        neither = unknown[:, near]
+        neither = sample.unknown_surfaces[:, near]
         share = mixture_weights(likelihood[near], neither, sample.weight[near], constants)
         either = 1 - share.sum()
         likelihood[near] = either * likelihood[near] + share @ neither
         met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
     return likelihood, met
-
-
-def _unknown_surfaces(sample: Sample) -> np.ndarray:
-    """Likelihoods (c, n) of beams that hit an unknown surface near an edge, in their first rows.
-
-    Where the positions of edges are uncertain, most unknown surfaces are not far behind or in front of a side: leaves,
-    or another part of the same object. How far they are is estimated with the shares: the distances from the traced
-    sides have a mixture of Laplace distributions of fixed scales.
-    """
-    returned, constants = sample.returned, sample.settings.likelihood
-    distance_m = np.abs(sample.along_m[sample.own] - sample.range_m)
-    beside = np.where(np.isfinite(sample.range_m), sample.chance, 0.0)
-    whole = np.bincount(sample.own, beside, len(beside))
-    uniform = returned / constants.reach_m
-    near = []
-    for scale_m in constants.unknown_scales_m:
-        density = beside * np.exp(-np.nan_to_num(distance_m) / scale_m) / (2 * scale_m)
-        total = np.bincount(sample.own, density, len(beside))
-        near.append(np.where(whole > 0, returned * total / np.maximum(whole, 1e-300), uniform))
-    return np.stack([*near, uniform, (~returned).astype(float)])
 
 
 def intensity_loglik(sample: Sample, expected: Prediction) -> np.ndarray:

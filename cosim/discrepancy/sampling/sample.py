@@ -181,6 +181,26 @@ class Sample:
         return self.edge & (np.bincount(self.own, misses, len(self))[self.own] > 0)
 
     @cached_property
+    def unknown_surfaces(self) -> np.ndarray:
+        """(c, n) likelihoods of beams that hit an unknown surface near an edge, in their first rows.
+
+        Where the positions of edges are uncertain, most unknown surfaces are not far behind or in front of a side:
+        leaves, or another part of the same object. How far they are is estimated with the shares: the distances from
+        the traced sides have a mixture of Laplace distributions of fixed scales. The last two are a return at a uniform
+        range, and none.
+        """
+        constants, distance_m = self.settings.likelihood, np.abs(self.along_m[self.own] - self.range_m)
+        chance = np.where(np.isfinite(self.range_m), self.chance, 0.0)
+        whole = np.bincount(self.own, chance, len(self))
+        uniform = self.returned / constants.reach_m
+        near = []
+        for scale_m in constants.unknown_scales_m:
+            density = chance * np.exp(-np.nan_to_num(distance_m) / scale_m) / (2 * scale_m)
+            total = np.bincount(self.own, density, len(self))
+            near.append(np.where(whole > 0, self.returned * total / np.maximum(whole, 1e-300), uniform))
+        return np.stack([*near, uniform, (~self.returned).astype(float)])
+
+    @cached_property
     def mean_weight(self) -> float:
         """Mean number of beams that a sampled beam represents."""
         return float(self.weight[self.first].mean())

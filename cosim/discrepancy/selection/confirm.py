@@ -48,8 +48,7 @@ def p_about_fit(
     evidence = linearisation.evidence
     mixed = LinearModel.of(model.fitter.random, others, evidence, fitted.prediction, fitted.estimate)
     own = stacked([columns[row] for row in rows], evidence.score, len(linearisation.sample))
-    of_positions = group.family == "range"
-    found = replace(linearisation, mixed=mixed).projector(settings.sectors, of_positions=of_positions).project(own)
+    found = replace(linearisation, mixed=mixed).projector(settings.sectors, group.family).project(own)
     precision = np.linalg.pinv(ridged(found.information, 1e-2), hermitian=True)
     observed, worst = 2 * gain, 0.0
     for number, table in enumerate(found.tables):

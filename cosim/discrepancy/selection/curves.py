@@ -73,8 +73,8 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
         linearisation.fitter.random, others, linearisation.evidence, fitted.prediction, fitted.estimate
     )
     columns = stacked([own], linearisation.evidence.score, len(sample))
-    of_positions = family_of(dependence.channel) == "range"
-    found = replace(linearisation, mixed=mixed).projector(sectors, of_positions=of_positions).project(columns)
+    projector = replace(linearisation, mixed=mixed).projector(sectors, family_of(dependence.channel))
+    found = projector.project(columns)
     inverse = np.linalg.pinv(ridged(found.information, 1e-6), hermitian=True)
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
-from cosim.discrepancy.dictionary.groups import FAMILIES, Group
+from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.projection import TRACK
@@ -69,12 +69,11 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
     rng, by = np.random.default_rng([seed, len(model.terms)]), settings.selection
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     dictionary = build_dictionary(linearisation, effects, settings, rng)
-    projector = linearisation.projector(by.sectors)
-    of_reflectances = linearisation.projector(by.sectors, of_positions=False)
-    by_family = {family: projector if family == "range" else of_reflectances for family in FAMILIES}
-    kept = first_pass(linearisation, dictionary, by_family, settings)
+    projector, of_reflectances = linearisation.projector(by.sectors), linearisation.projector(by.sectors, "intensity")
+    projectors = {"range": projector, "intensity": of_reflectances, "returns": of_reflectances}
+    kept = first_pass(linearisation, dictionary, projectors, settings)
     entries: list[Entry] = []
-    for family, own in by_family.items():
+    for family, own in projectors.items():
         entries += score_groups(linearisation, [group for group in kept if group.family == family], own, by)
     shared = shared_errors(linearisation, projector.clusters[TRACK])
     entries += score_shared(linearisation, shared, model.shared, projector)

@@ -15,8 +15,9 @@ from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.effects import effect_groups
 from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.selection.confirm import p_about_fit
 from cosim.discrepancy.selection.evidence import gather_evidence
-from cosim.discrepancy.selection.refit import FittedModel
+from cosim.discrepancy.selection.refit import FittedModel, refit_with
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.twin import read_glb, write_frame, write_glb
@@ -107,9 +108,13 @@ def test_residuals_are_those_of_the_estimate_where_a_variance_became_negligible(
 
 def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
     yard = shaken_yard(tmp_path, RangeBias(offset_m=0.02))
-    found = _tested(fit_yard(yard), yard)
-    least = DEFAULT.selection.confirm_gain
-    assert next(one for one in found if one.group.effect_name == "range_bias").gain > least
+    on, by = fit_yard(yard), DEFAULT.selection
+    result = next(one for one in _tested(on, yard) if one.group.effect_name == "range_bias")
+    assert result.gain > by.confirm_gain
+    before = FittedModel(on.frames, on.fitter, on.fitted)
+    linearisation = linearise(on.fitter, on.fitted, on.frames)
+    after, _ = refit_with(before, linearisation, result.group, result.entry.coefficients, fine=False, steps=10)
+    assert p_about_fit(after, result.group, after.loglik - before.loglik, 500, by, np.random.default_rng(0)) < 0.05
     fitted = fit_yard(yard, (RangeBias(offset_m=0.0), *NOISY), (0,)).fitted.effects
     assert next(one for one in fitted if isinstance(one, RangeBias)).offset_m == pytest.approx(0.02, rel=0.1)
 

@@ -22,7 +22,7 @@ from cosim.discrepancy.inference.mixture import mixture_weights
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.drawing import draw_sample, split_at_edges
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from cosim.discrepancy.scores import Ensemble, stray_ranges
+from cosim.discrepancy.scores import Ensemble, spurious_ranges
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.twin import read_glb, write_glb
 from sensors.effects.points.range_bias import RangeBias
@@ -264,10 +264,9 @@ def test_beams_that_may_hit_a_thin_rail_between_two_rings_are_ambiguous(tmp_path
     assert np.all(ambiguous[is_of_rail])
     assert not np.all(ambiguous[frame.shot.rays.ring == 2])
     # The same for returns of a part of the footprint that a model predicts there.
-    members = Ensemble(
-        np.where(is_of_rail, measured, frame.shot.hits.solid.range_m)[None], np.zeros((1, len(measured)))
-    )
-    strays = stray_ranges(frame, members)[0]
-    assert not np.isfinite(strays[~is_of_rail]).any()
-    fits = frame.fits_nearby(strays, SHIFT_M, 0.0)
+    solid = frame.shot.hits.solid
+    predicted = np.where(is_of_rail, measured, np.where(solid.exists, solid.range_m, np.nan))
+    spurious = spurious_ranges(frame, Ensemble(predicted[None], np.zeros((1, len(measured)))))[0]
+    assert not np.isfinite(spurious[~is_of_rail]).any()
+    fits = frame.fits_nearby(spurious, SHIFT_M, 0.0)
     assert np.mean(fits[is_of_rail]) > 0.9 and not fits[~is_of_rail].any()
