@@ -188,6 +188,7 @@ class DictionarySettings:
     bins: int = 10  # bins of a covariate, with equal numbers of beams
     fine_bins: int = 30  # bins of a covariate in a refit
     cyclic_bins: int = 36  # bins of an angle in a refit
+    scans_in_bin: int = 4  # scans per bin of what all beams of a scan have in common, such as the speed
     fewest_in_bin: int = 150  # minimum number of informative beams in a bin
     fewest_in_cell: int = 60  # minimum number in a bin of two covariates, or of a variance
     fewest_values: int = 4  # minimum number of distinct values of a covariate
@@ -207,7 +208,6 @@ class Selection:
     draws: int = 800  # random sign patterns of the test
     level: float = 0.02  # family-wise error rate of adding a term: several terms are tested
     confirm_gain: float = 20.0  # gain in log-likelihood above which a term is fitted even without a decisive sign test
-    confirm_draws: int = 1999  # random sign patterns of the test at its fit
     folds: int = 8  # folds of clusters in cross-validated gains
     sectors: int = 6  # parts of a scan that are clusters
     chunk: int = 400  # columns that are projected at a time

@@ -90,7 +90,7 @@ class SampleCovariate:
             index.astype(float),
             index,
             np.arange(float(len(self) * len(other))),
-            is_of_scan=self.is_of_scan or other.is_of_scan,
+            is_of_scan=self.is_of_scan and other.is_of_scan,
             is_of_neighbour=self.is_of_neighbour or other.is_of_neighbour,
             parts=(self, other),
         )
@@ -157,7 +157,7 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
     by = sample.settings.dictionary
     found: list[SampleCovariate | None] = []
     for name, (unit, values, period) in _numbers(sample, expected, frames).items():
-        bins = len(sample.names) if name == "frame_time" else by.bins
+        bins = max(len(sample.names) // by.scans_in_bin, 2) if name in SCAN_COVARIATES else by.bins
         fewest = by.fewest_values if name not in ("retro_distance", "object_distance") else 2
         covariate = numeric(name, unit, values, bins, period, fewest=fewest)
         if covariate is not None:
@@ -185,12 +185,16 @@ def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[Traced
 def refined(covariate: SampleCovariate, sample: Sample) -> SampleCovariate:
     """The covariate in the fine bins of a refit; piecewise linear for smooth quantities."""
     if covariate.parts:
-        first, second = (part.original or part for part in covariate.parts)
+        first, second = (
+            refined(part, sample) if part.is_of_scan else part.original or part for part in covariate.parts
+        )
         return first.crossed(second)
-    if covariate.labels or covariate.name in ("constant", *SCAN_COVARIATES):
+    if covariate.labels or covariate.name == "constant":
         return covariate
     by = sample.settings.dictionary
     bins = by.cyclic_bins if covariate.period else by.fine_bins
+    if covariate.is_of_scan:
+        bins = len(sample.names) if covariate.name == "frame_time" else by.bins
     linear = covariate.period > 0 or covariate.name in (
         "range",
         "intensity",
@@ -202,7 +206,7 @@ def refined(covariate: SampleCovariate, sample: Sample) -> SampleCovariate:
     )
     fine = numeric(covariate.name, covariate.unit, covariate.values, bins, covariate.period, linear=linear)
     assert fine is not None  # it had bins before
-    return replace(fine, is_of_neighbour=covariate.is_of_neighbour)
+    return replace(fine, is_of_scan=covariate.is_of_scan, is_of_neighbour=covariate.is_of_neighbour)
 
 
 def _numbers(

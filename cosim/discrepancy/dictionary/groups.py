@@ -113,6 +113,11 @@ class Group:
         return self.covariate is not None and self.covariate.is_of_neighbour
 
     @property
+    def is_of_scan(self) -> bool:
+        """Whether it is a dependence on what all beams of a scan have in common: whole scans are its clusters."""
+        return self.covariate is not None and self.covariate.is_of_scan
+
+    @property
     def turns_beams(self) -> bool:
         """Whether it changes the directions of beams."""
         return self.channel in ANGLES or (self.tangent is not None and self.tangent.effect.stage == "beam")

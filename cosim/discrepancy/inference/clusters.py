@@ -26,6 +26,17 @@ class Clusters:
     unit_track: np.ndarray
     unit_scan: np.ndarray
 
+    def of_random_effects(self) -> tuple[np.ndarray, np.ndarray]:
+        """Cluster (m,) int of each random effect among the tracks, and among the parts of scans.
+
+        Errors of poses are clusters of their own beside the tracks; errors of objects and of the map beside the parts.
+        """
+        tracks, parts, scans = (int(of.max(initial=-1)) + 1 for of in (self.track, self.part, self.scan))
+        is_of_track = self.unit_track >= 0
+        by_track = np.where(is_of_track, self.unit_track, tracks + self.unit_scan)
+        by_part = np.where(is_of_track, parts + scans + self.unit_track, parts + self.unit_scan)
+        return by_track, by_part
+
 
 def joined_cells(sample: Sample, most: int) -> np.ndarray:
     """Number (n,) of the instance, square of map cells, or sector of the sky that each beam hits.

@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
 
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
 from cosim.discrepancy.inference.score import (
@@ -27,8 +26,6 @@ from cosim.discrepancy.inference.score import (
 )
 from cosim.discrepancy.sampling.sample import Prediction
 
-_NEGLIGIBLE = 1e-6  # factor on the precision of random effects that leaves a regression on them unique
-
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
@@ -40,7 +37,7 @@ class LinearModel:
         used: (a,) int indices of the active random effects.
         precision: (a,) their inverse variances (diagonal of Λ).
         information: (a, a) information ZᵀWZ.
-        kind: (a,) int number of the block of each active random effect.
+        component: (a,) int variance component of each active random effect.
         solver: factorisation of ZᵀWZ + Λ; None without random effects.
         evidence: scores and informations of the beams.
     """
@@ -50,7 +47,7 @@ class LinearModel:
     used: np.ndarray
     precision: np.ndarray
     information: SparseMatrix
-    kind: np.ndarray
+    component: np.ndarray
     solver: Factored | None
     evidence: Evidence
 
@@ -74,7 +71,7 @@ class LinearModel:
         precision = random.precision(estimate)[used]
         solver = Factored(information + sparse.diags(precision), random.independent_blocks[used]) if len(used) else None
         x = stacked(columns, evidence.score, len(random.sample))
-        return cls(x, z, used, precision, information, random.kinds[used], solver, evidence)
+        return cls(x, z, used, precision, information, random.component[used], solver, evidence)
 
     def projected(self, columns: dict[Quantity, SparseMatrix]) -> tuple[np.ndarray, np.ndarray]:
         """Regress columns (n, k) on the random effects and parameters.
@@ -90,21 +87,6 @@ class LinearModel:
             fixed = np.linalg.solve(self.fixed_information, of_x - self._across.T @ random)
             random = random - self._across_solved @ fixed
         return np.vstack([random, fixed]), np.vstack([shared, of_x])
-
-    def unpenalised(self, shared: np.ndarray) -> list[np.ndarray]:
-        """Regress columns on the random effects of one kind only, with a negligible precision, for each kind.
-
-        Args:
-            shared: (a, k) cross-information of the columns with the random effects.
-
-        Returns:
-            coefficients (a, k) for each kind, 0 for the others.
-        """
-        found = []
-        for rows, solver in self._solvers_by_kind:
-            found.append(np.zeros_like(shared))
-            found[-1][rows] = solver.solve(shared[rows])
-        return found
 
     @cached_property
     def parameters(self) -> int:
@@ -190,16 +172,6 @@ class LinearModel:
     @cached_property
     def _across_solved(self) -> np.ndarray:
         return self._solve(self._across)
-
-    @cached_property
-    def _solvers_by_kind(self) -> list[tuple[np.ndarray, SuperLU]]:
-        """Rows of the random effects of each kind, and the factorisation of their information."""
-        found = []
-        for kind in np.unique(self.kind):
-            rows = np.flatnonzero(self.kind == kind)
-            own = sparse.csc_matrix(self.information)[:, rows][rows]
-            found.append((rows, splu(own + sparse.diags(_NEGLIGIBLE * self.precision[rows], format="csc"))))
-        return found
 
     def _solve(self, right: np.ndarray) -> np.ndarray:
         return right if self.solver is None or not right.size else self.solver.solve(right)

@@ -4,9 +4,9 @@ With X the columns of a hypothesis, Z those of the random effects u of precision
 A = (ZᵀWZ + Λ)⁻¹ZᵀWX, the efficient score is (X − ZA)ᵀs + AᵀΛû (Lindsey, Parametric Statistical Inference, § 3.6). The
 first part is summed by the cluster of each beam, the second by the cluster that each random effect belongs to.
 
-A column may be a combination of the columns of one kind of random effects, X = ZB, up to rounding errors of its
-derivative: a mount that is turned is a pose error that all scans share. Then only the random effects, not the beams,
-inform about it: with B from a regression without Λ, the efficient score is BᵀΛû and its information (ΛB)ᵀA.
+A column may be a combination of the random effects' columns, X = ZA, up to rounding errors of its derivative: a mount
+that is turned is a pose error that all scans share. Then only the second part, the random effects, informs about it,
+and its information is AᵀΛA. See `random_stratum`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from scipy import sparse
 from cosim.discrepancy.inference.clusters import Clusters
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
+from cosim.discrepancy.inference.random_stratum import RandomStratum
 from cosim.discrepancy.inference.score import Quantity, SparseMatrix, scaled, summed_by
 
 TRACK, PART = 0, 1
@@ -36,6 +37,7 @@ class Projected:
         information: (k, k) information with fitted parameters and random effects eliminated.
         left: (k,) share of the information that remains after this elimination; 1 for combinations of random effects.
         floor: (k,) variance of the scores due to the sampling weights of the beams.
+        random: (a, k) coefficients of the columns in a regression on the random effects' columns.
         is_of_random: (k,) whether columns are combinations of the random effects' columns.
     """
 
@@ -44,6 +46,7 @@ class Projected:
     information: np.ndarray
     left: np.ndarray
     floor: np.ndarray
+    random: np.ndarray
     is_of_random: np.ndarray
 
 
@@ -62,18 +65,18 @@ class Projector:
         self, model: LinearModel, estimate: Estimate, clusters: Clusters, share: np.ndarray, least_left: float
     ) -> None:
         self._model, self._evidence, self._share, self._least_left = model, model.evidence, share, least_left
+        self._estimate = estimate
         self.clusters = (clusters.track, clusters.part)
         self._counts = tuple(int(cluster.max(initial=-1)) + 1 for cluster in self.clusters)
         self._of_fitted = [self._fitted_scores(*of) for of in zip(self.clusters, self._counts, strict=True)]
         prior = estimate.u[model.used] * model.precision
-        track, scan = clusters.unit_track[model.used], clusters.unit_scan[model.used]
-        (tracks, parts), scans = self._counts, int(clusters.scan.max(initial=-1)) + 1
-        by_track = np.where(track >= 0, track, tracks + scan)
-        by_part = np.where(track >= 0, parts + scans + track, parts + scan)
-        at, self._units = np.arange(len(prior)), (by_track, by_part)
+        track, part = (unit[model.used] for unit in clusters.of_random_effects())
+        self._units, at = (track, part), np.arange(len(prior))
+        tracks, parts = self._counts
+        scans = int(clusters.scan.max(initial=-1)) + 1
         self._prior: list[SparseMatrix] = [
-            sparse.csr_matrix((prior, (by_track, at)), (tracks + scans, len(prior))),
-            sparse.csr_matrix((prior, (by_part, at)), (parts + scans + tracks, len(prior))),
+            sparse.csr_matrix((prior, (track, at)), (tracks + scans, len(prior))),
+            sparse.csr_matrix((prior, (part, at)), (parts + scans + tracks, len(prior))),
         ]
 
     def plain(self, basis: SparseMatrix, score: np.ndarray) -> list[np.ndarray]:
@@ -102,39 +105,41 @@ class Projector:
         left = np.clip(np.diag(information) / np.maximum(whole, 1e-300), 0, 1)
         tables = self._summed(columns, coefficients)
         cluster_information, floor = tuple(table * left for table in cluster_information), floor * left
-        rows = slice(len(self._model.precision))
-        combinations = self._combinations(coefficients[rows], shared[rows], whole)
-        for column, weights in combinations.items():
-            information[:, column] = information[column] = (
-                shared.T @ -coefficients[:, column] + shared[rows].T @ weights
-            )
-            of_unit = weights * self._model.precision * coefficients[rows, column]
-            information[column, column] = floor[column] = of_unit.sum()
-            left[column] = 1.0
+        random = coefficients[: len(self._model.precision)]
+        of_prior = random.T @ (self._model.precision[:, None] * random)
+        own = np.diag(of_prior) / np.maximum(whole, 1e-300)
+        is_of_random = (left - own < self._least_left) & (own > _ROUNDING)
+        for column in np.flatnonzero(is_of_random):
+            information[:, column] = information[column] = of_prior[column]
+            of_unit = self._model.precision * random[:, column] ** 2
+            floor[column], left[column] = of_prior[column, column], 1.0
             for table, share, unit, prior in zip(tables, cluster_information, self._units, self._prior, strict=True):
-                table[:, column] = prior @ weights
-                share[:, column] = np.bincount(unit, np.maximum(of_unit, 0), len(share))
-        is_of_random = np.isin(np.arange(len(left)), list(combinations))
+                table[:, column] = prior @ random[:, column]
+                share[:, column] = np.bincount(unit, of_unit, len(share))
         return Projected(
-            tables, (cluster_information[TRACK], cluster_information[PART]), information, left, floor, is_of_random
-        )
+            tables, (cluster_information[TRACK], cluster_information[PART]), information, left, floor, random,
+            is_of_random,
+        )  # fmt: skip
 
-    def _combinations(self, random: np.ndarray, shared: np.ndarray, whole: np.ndarray) -> dict[int, np.ndarray]:
-        """Columns that are combinations of the random effects' columns of one kind, and their coefficients (a,).
+    @property
+    def precision(self) -> np.ndarray:
+        """(a,) inverse variances of the random effects."""
+        return self._model.precision
 
-        Args:
-            random: (a, k) coefficients of the columns on the random effects in a regression with all that is fitted.
-            shared: (a, k) cross-information with the random effects.
-            whole: (k,) information of the columns.
+    def random_stratum(self, x: np.ndarray) -> RandomStratum | None:
+        """Regression of the random effects on a column with coefficients x (a,); None for flat priors and without any.
+
+        Random effects with a flat prior have no distribution from which they could be told.
         """
-        found: dict[int, np.ndarray] = {}
-        whole = np.maximum(whole, 1e-300)
-        for weights in self._model.unpenalised(shared):
-            beyond = 1 - np.sum(weights * shared, 0) / whole
-            of_prior = np.sum(weights * self._model.precision[:, None] * random, 0) / whole
-            inside = (beyond < self._least_left) & (of_prior > _ROUNDING)
-            found = {int(column): weights[:, column] for column in np.flatnonzero(inside)} | found
-        return found
+        if not self._least_left or not np.any(x):
+            return None
+        track, part = self._units
+        counts = tuple(prior.shape[0] for prior in self._prior)
+        used = self._model.used
+        return RandomStratum(
+            self._estimate.u[used], x, self._model.component, len(self._estimate.variance), (track, part),
+            (counts[TRACK], counts[PART]),
+        )  # fmt: skip
 
     def _summed(
         self, columns: dict[Quantity, SparseMatrix], cluster_information: np.ndarray

@@ -75,6 +75,9 @@ class RandomEffects:
     Args:
         sample: sample of measured beams.
         has_poses: whether poses have errors.
+
+    Attributes:
+        component: (m,) int variance component of each random effect.
     """
 
     def __init__(self, sample: Sample, *, has_poses: bool = True) -> None:
@@ -113,7 +116,7 @@ class RandomEffects:
         sizes = [block.size for block in self.blocks]
         self._ends = np.cumsum([0, *sizes])
         first_component = np.cumsum([0, *(len(block.start) for block in self.blocks)])
-        self._component_of = np.concatenate(
+        self.component = np.concatenate(
             [block.group + first for block, first in zip(self.blocks, first_component, strict=False)]
             or [np.zeros(0, int)]
         )
@@ -260,11 +263,6 @@ class RandomEffects:
         for block, (start, end) in zip(self.blocks, pairwise(self._ends), strict=True):
             yield block, values[start:end]
 
-    @cached_property
-    def kinds(self) -> np.ndarray:
-        """(m,) int number of the block of each random effect."""
-        return np.repeat(np.arange(len(self.blocks)), [block.size for block in self.blocks])
-
     def of_part(self, parts: Sequence[str]) -> np.ndarray:
         """(m,) bool whether each random effect belongs to one of the named sources of the budget."""
         mask = np.zeros(self.size, bool)
@@ -284,11 +282,11 @@ class RandomEffects:
 
     def precision(self, estimate: Estimate) -> np.ndarray:
         """(m,) inverse variances; practically infinite for random effects that are switched off."""
-        return 1 / np.maximum(estimate.variance, 1e-30)[self._component_of]
+        return 1 / np.maximum(estimate.variance, 1e-30)[self.component]
 
     def active(self, estimate: Estimate) -> np.ndarray:
         """(m,) bool whether each random effect may differ from 0."""
-        return (estimate.variance > 0)[self._component_of]
+        return (estimate.variance > 0)[self.component]
 
     def adjusted(self, expected: Prediction, estimate: Estimate) -> Prediction:
         """Return the prediction with the random effects applied."""
@@ -404,7 +402,7 @@ class RandomEffects:
         used, variance = np.flatnonzero(self.active(estimate)), estimate.variance.copy()
         if solver is None:
             return estimate
-        precision, component = self.precision(estimate)[used], self._component_of[used]
+        precision, component = self.precision(estimate)[used], self.component[used]
         signs = np.random.default_rng(0).choice((-1.0, 1.0), (len(used), self._settings.probes))
         posterior_variance = (signs * solver.solve(signs)).mean(1)
         effective_dof = np.bincount(component, 1 - precision * posterior_variance, len(variance))
@@ -416,7 +414,7 @@ class RandomEffects:
         variance = np.where(is_pose, np.maximum(variance, self._least), variance)
         variance = np.where(self._is_flat, estimate.variance, variance)
         is_negligible = (variance < self._least) & ~is_pose
-        u = np.where(is_negligible[self._component_of], 0.0, estimate.u)
+        u = np.where(is_negligible[self.component], 0.0, estimate.u)
         return replace(estimate, u=u, variance=np.where(is_negligible, 0.0, variance))
 
     def initialise_variances(self, estimate: Estimate, expected: Prediction, evidence: Evidence) -> Estimate:
@@ -439,7 +437,7 @@ class RandomEffects:
             square = matrix.multiply(matrix)
             own = square.T @ evidence.score[block.quantity] ** 2
             information = square.T @ evidence.information[block.quantity]
-            component = self._component_of[self._ends[index] : self._ends[index + 1]]
+            component = self.component[self._ends[index] : self._ends[index + 1]]
             for k in idle:
                 members = component == k
                 excess, total = (

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.discrepancy.dictionary.groups import FAMILIES, Group
 from cosim.discrepancy.dictionary.periodic import line_group
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
-from cosim.discrepancy.selection.confirm import p_about_fit
+from cosim.discrepancy.selection.confirm import p_of_gain
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.gain import is_rival
 from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
@@ -120,8 +120,9 @@ def choose(
         after, group = _best_alias(model, evidence, after, group)
     p_value, gain = result.p_value, after.loglik - model.loglik
     if p_value > settings.selection.level:
-        rng = np.random.default_rng([len(model.terms), settings.selection.confirm_draws])
-        p_value = p_about_fit(after, group, gain, evidence.dictionary.tested, settings.selection, rng)
+        p_value = min(
+            p_of_gain(model, after, group, trial.penalty, settings.selection) * evidence.dictionary.tested, 1.0
+        )
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
     after, group = _by_laser(model, evidence, after, group)

@@ -74,7 +74,11 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
     kept = first_pass(linearisation, dictionary, projectors, settings)
     entries: list[Entry] = []
     for family, own in projectors.items():
-        entries += score_groups(linearisation, [group for group in kept if group.family == family], own, by)
+        groups = [group for group in kept if group.family == family]
+        of_scans = [group for group in groups if group.is_of_scan]
+        entries += score_groups(linearisation, [group for group in groups if not group.is_of_scan], own, by)
+        if of_scans:
+            entries += score_groups(linearisation, of_scans, linearisation.projector(1, family), by)
     shared = shared_errors(linearisation, projector.clusters[TRACK])
     entries += score_shared(linearisation, shared, model.shared, projector)
     tested = dictionary.tested + len(shared)

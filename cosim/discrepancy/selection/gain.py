@@ -1,7 +1,7 @@
 """Gains in log-likelihood that a group would bring on clusters that took no part in its fit.
 
-Means of continuous quantities: parabolas. Counts, spreads and means of random effects: exact deviances, because
-parabolas rank strong effects wrongly. Probabilities of returns: see `returns`.
+Means of continuous quantities: parabolas. Counts and spreads: exact deviances, because parabolas rank strong effects
+wrongly. Probabilities of returns: see `returns`; what random effects have in common: see `random_stratum`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy import stats
-
-_LEAST_INFORMATION = (
-    1e-3  # of a random effect relative to the best cluster_information one: others are predicted by shrinkage only
-)
-_FEWEST_RANDOM = 3  # random effects from which a mean and a variance are estimated
 
 Distribution = Literal["normal", "count", "probability", "spread", "random"]
 
@@ -29,7 +23,7 @@ class Cell:
         information: (k, k).
         one_sided: whether only positive coefficients make sense.
         dispersion: by how much squared scores exceed the information; gains are divided by it.
-        fold_gains: (folds,) gains by track and by part of a scan, for probabilities.
+        fold_gains: (folds,) gains by track and by part of a scan, for probabilities and random effects.
     """
 
     distribution: Distribution
@@ -67,39 +61,6 @@ def is_rival(chosen: float, other: float, chosen_folds: np.ndarray, other_folds:
     scale = chosen / max(float(chosen_folds.sum()), 1.0)
     within = chosen - other < max(2 * error * scale, 0.0)
     return within and other > 0.5 * chosen and (difference < 2 * error or other > chosen)
-
-
-def random_effect_gain(
-    table: np.ndarray, cluster_information: np.ndarray, folds: int, rng: np.random.Generator
-) -> np.ndarray:
-    """Gain (folds,) of a mean of random effects whose variance is estimated with it.
-
-    A larger variance of the random effects absorbs a mean that they have in common. The standardised effect of a
-    cluster with score s and information h is y = s/√h, with mean m√h and variance v. Each is predicted from the other
-    folds, with m = 0 and with m estimated; with v unknown, both predictive distributions are Student's.
-
-    Args:
-        table, cluster_information: (clusters, k) scores and information; columns are independent.
-        folds: number of random folds of the clusters.
-        rng: for the folds.
-    """
-    gains = np.zeros(folds)
-    for score, information in zip(table.T, cluster_information.T, strict=True):
-        used = np.flatnonzero(information > _LEAST_INFORMATION * information.max(initial=0.0))
-        root = np.sqrt(information[used])
-        y, fold = score[used] / np.maximum(root, 1e-300), rng.permutation(len(used)) % folds
-        for number in range(folds):
-            held, rest = fold == number, fold != number
-            count = int(rest.sum())
-            if not held.any() or count < _FEWEST_RANDOM or not np.any(y[rest]):
-                continue
-            whole = float(root[rest] @ root[rest])
-            mean = float(root[rest] @ y[rest]) / whole
-            spread = np.sqrt(np.sum((y[rest] - mean * root[rest]) ** 2) / (count - 1) * (1 + root[held] ** 2 / whole))
-            about_mean = stats.t.logpdf(y[held], count - 1, mean * root[held], spread)
-            about_none = stats.t.logpdf(y[held], count, 0.0, np.sqrt(np.mean(y[rest] ** 2)))
-            gains[number] += float((about_mean - about_none).sum())
-    return gains
 
 
 def cross_fitted_gain(sums: np.ndarray, cluster_information: np.ndarray, cell: Cell) -> np.ndarray:

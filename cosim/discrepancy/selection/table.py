@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.groups import Group, joined
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.shared_errors import SharedError, common_information
 from cosim.discrepancy.inference.dependence import SPREADS
-from cosim.discrepancy.inference.projection import PART, TRACK, Projector
+from cosim.discrepancy.inference.projection import PART, TRACK, Projected, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import (
     Cell,
@@ -19,7 +19,6 @@ from cosim.discrepancy.selection.gain import (
     cross_fitted_gain,
     fold_sums,
     folds_of_clusters,
-    random_effect_gain,
 )
 from cosim.discrepancy.selection.returns import count_returns, effect_gains, expected_losses
 from cosim.discrepancy.settings import Selection
@@ -198,7 +197,10 @@ def evaluate(
         ]
         fewest = min(gains, key=lambda values: float(values.sum()))
         results.append(GroupTest(entry, float(p_value), float(fewest.sum()), fewest))
-    return sorted(results, key=lambda result: -result.gain)
+    best: dict[str, GroupTest] = {}
+    for result in sorted(results, key=lambda result: -result.gain):
+        best.setdefault(result.group.name, result)  # of a group that beams and random effects inform about
+    return list(best.values())
 
 
 def _project(
@@ -216,6 +218,11 @@ def _project(
         information, left = found.information[own, own], found.left[own]
         if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
             continue
+        is_of_random = bool(found.is_of_random[own].all())
+        if is_of_random or (group.is_effect and group.size == 1):
+            entries += _of_random(group, found, own, projector, settings)
+        if is_of_random:
+            continue
         tables = found.tables[TRACK][:, own], found.tables[PART][:, own]
         cluster_information = found.cluster_information[TRACK][:, own], found.cluster_information[PART][:, own]
         scatter = np.maximum(*((table**2).sum(0) for table in tables))
@@ -223,7 +230,7 @@ def _project(
         event = np.ones(group.size)
         unit = linearisation.sample.settings.likelihood.reference_share if group.is_count else 1.0
         diagonal = np.diag(information)
-        distribution, gains = "random" if found.is_of_random[own].all() else _distribution_of(group), ()
+        distribution, gains = _distribution_of(group), ()
         if distribution == "probability":
             losses = expected_losses(linearisation, group)
             variance = np.maximum(variance, diagonal * np.maximum(settings.fewest_events / np.maximum(losses, 1e-9), 1))
@@ -245,6 +252,50 @@ def _project(
             )
         )  # fmt: skip
     return entries
+
+
+def _of_random(group: Group, found: Projected, own: slice, projector: Projector, settings: Selection) -> list[Entry]:
+    """Entry of a group from what the random effects have in common with it; none if they have nothing.
+
+    Args:
+        group: the hypothesis.
+        found: efficient scores.
+        own: its columns there.
+        projector: of these scores.
+        settings: numeric choices.
+    """
+    strata = [projector.random_stratum(column) for column in found.random[:, own].T]
+    used = [stratum for stratum in strata if stratum is not None]
+    if not used or len(used) < len(strata):
+        return []
+    parts = [stratum.tables() for stratum in used]
+    tables, cluster_information = (
+        (np.hstack([part[which][TRACK] for part in parts]), np.hstack([part[which][PART] for part in parts]))
+        for which in (0, 1)
+    )
+    diagonal = cluster_information[TRACK].sum(0)
+    gains = tuple(
+        sum(
+            (stratum.gain(folds_of_clusters(count, settings.folds, kind)[cluster], settings.folds) for stratum in used),
+            np.zeros(settings.folds),
+        )
+        for kind, (cluster, count) in enumerate(zip(used[0].clusters, used[0].counts, strict=True))
+    )
+    information = _correlation(found.random[:, own], projector.precision) * np.sqrt(np.outer(diagonal, diagonal))
+    scatter = np.maximum(*((table**2).sum(0) for table in tables))
+    cell = Cell("random", information, group.one_sided, 1.0, gains)
+    variance = np.maximum(scatter, diagonal)
+    return [
+        Entry(group, tables, cluster_information, information, variance, np.ones(group.size), cell, False,
+              np.ones(group.size))
+    ]  # fmt: skip
+
+
+def _correlation(columns: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Correlation (k, k) of columns (a, k) with weights (a,)."""
+    information = columns.T @ (weight[:, None] * columns)
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return information / np.outer(scale, scale)
 
 
 def _direct(
@@ -340,11 +391,10 @@ def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.nda
 
 def _gain(entry: Entry, kind: int, folds: int) -> np.ndarray:
     """Gain (folds,) over the clusters of one kind."""
+    if entry.cell.distribution == "random":
+        return entry.cell.fold_gains[kind]
     if entry.cell.fold_gains:
         return entry.cell.fold_gains[kind] / entry.cell.dispersion
-    if entry.cell.distribution == "random":
-        rng = np.random.default_rng([folds, kind])
-        return random_effect_gain(entry.tables[kind], entry.cluster_information[kind], folds, rng)
     return cross_fitted_gain(*_folded(entry, kind, folds), entry.cell)
 
 

@@ -16,7 +16,6 @@ from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.random_effects import Estimate
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.selection.choice import _shortlist
-from cosim.discrepancy.selection.confirm import _about_others
 from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
 from cosim.discrepancy.selection.returns import ReturnCounts
@@ -56,23 +55,6 @@ def test_losses_of_one_fold_only_gain_nothing() -> None:
     lost[0] = 35
     counts = ReturnCounts(np.array([0.99]), np.ones(1), 500 - lost, lost, 1e-3)
     assert counts.gain().sum() < 0
-
-
-def test_scores_of_clusters_are_about_the_fit_to_the_others() -> None:
-    rng, information = np.random.default_rng(0), np.array([[1.0], [3.0], [4.0], [2.0]])
-    measured = 0.5 * information + np.sqrt(information) * rng.normal(size=(4, 1))
-    fitted = measured.sum() / information.sum()
-    table = measured - information * fitted
-    found = _about_others(table, information, np.array([fitted * information.sum()]))
-    rest = [
-        (measured.sum() - own) / (information.sum() - known) for own, known in zip(measured, information, strict=True)
-    ]
-    np.testing.assert_allclose(found, measured - information * np.array(rest), rtol=5e-3, atol=5e-3)
-
-
-def test_the_only_cluster_has_its_score_without_a_fit() -> None:
-    found = _about_others(np.array([[0.0]]), np.array([[9.0]]), np.array([4.5]))
-    assert found[0, 0] == pytest.approx(4.5)
 
 
 def test_damping_shortens_the_step_along_the_direction_that_two_parameters_share() -> None:

@@ -12,10 +12,13 @@ from scipy.spatial.transform import Rotation
 from cosim.discrepancy.analysis import FittedFrames, context_of, edge_tolerance, fit_held_out
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.dictionary.covariates import refined, sample_covariates
 from cosim.discrepancy.dictionary.effects import effect_groups
+from cosim.discrepancy.dictionary.groups import binned_group
 from cosim.discrepancy.dictionary.linearisation import linearise
+from cosim.discrepancy.inference.projection import PART
 from cosim.discrepancy.inference.random_effects import Estimate
-from cosim.discrepancy.selection.confirm import p_about_fit
+from cosim.discrepancy.selection.confirm import p_of_gain
 from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, refit_with
 from cosim.discrepancy.selection.table import GroupTest
@@ -75,6 +78,27 @@ def test_nothing_shows_where_only_poses_are_off(shaken: Yard) -> None:
     assert min((one.p_value for one in _tested(fit_yard(shaken), shaken) if one.gain > 3), default=1.0) > 0.01
 
 
+def test_whole_scans_are_the_clusters_of_what_their_beams_have_in_common(shaken: Yard) -> None:
+    on = fit_yard(shaken)
+    sample, names = on.fitter.sample, on.fitter.sample.names
+    linearisation = linearise(on.fitter, on.fitted, on.frames)
+    covariates = {one.name: one for one in sample_covariates(sample, on.fitted.prediction, on.frames)}
+    assert len(covariates["frame_time"]) == len(names) // DEFAULT.dictionary.scans_in_bin
+    assert len(refined(covariates["frame_time"], sample)) == len(names)
+    group = binned_group(linearisation, "azimuth_error", covariates["frame_time"], fewest=1)
+    assert group is not None and group.is_of_scan
+    other = binned_group(linearisation, "azimuth_error", covariates["range"], fewest=1)
+    assert other is not None and not other.is_of_scan
+    crossed = covariates["range"].crossed(covariates["frame_time"])
+    assert not crossed.is_of_scan and len(refined(crossed, sample)) == len(covariates["range"]) * len(names)
+    rows = {
+        one.group.is_of_scan: len(one.entry.tables[PART])
+        for one in _tested(on, shaken)[::-1]
+        if one.group.basis is not None
+    }
+    assert rows[False] - rows[True] == (DEFAULT.selection.sectors - 1) * len(names)
+
+
 def test_upright_surfaces_of_the_map_have_their_own_variance(tmp_path: Path) -> None:
     """The ground of the twin is exact, and each wall is displaced."""
     yard = make_yard(tmp_path, NOISY, known=(NOISE,), frames=8)
@@ -114,7 +138,7 @@ def test_what_all_scans_share_shows_all_the_same(tmp_path: Path) -> None:
     before = FittedModel(on.frames, on.fitter, on.fitted)
     linearisation = linearise(on.fitter, on.fitted, on.frames)
     after, _ = refit_with(before, linearisation, result.group, result.entry.coefficients, fine=False, steps=10)
-    assert p_about_fit(after, result.group, after.loglik - before.loglik, 500, by, np.random.default_rng(0)) < 0.05
+    assert 500 * p_of_gain(before, after, result.group, 1.0, by) < 0.05
     fitted = fit_yard(yard, (RangeBias(offset_m=0.0), *NOISY), (0,)).fitted.effects
     assert next(one for one in fitted if isinstance(one, RangeBias)).offset_m == pytest.approx(0.02, rel=0.1)
 

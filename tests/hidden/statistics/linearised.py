@@ -86,7 +86,12 @@ def linearised(
     random = SimpleNamespace(clusters_of=clusters_of, has_poses=True)
     fitter: Any = SimpleNamespace(sample=sample, random=random)
     prediction = SimpleNamespace(seen=np.full(n, 0.93), silent=np.full(n, 0.07))
-    fitted: Any = SimpleNamespace(estimate=SimpleNamespace(u=u), prediction=prediction, columns=(), dependences=())
+    fitted: Any = SimpleNamespace(
+        estimate=SimpleNamespace(u=u, variance=np.array([1 / PRECISION])),
+        prediction=prediction,
+        columns=(),
+        dependences=(),
+    )
     channels = {name: LinearisedChannel(name, name, ones, one_sided=name in COUNTS) for name in scores}  # type: ignore[arg-type]
     return Linearisation(fitter, fitted, (), fitted.prediction, evidence, channels, mixed)
 

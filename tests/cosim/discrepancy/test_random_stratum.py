@@ -1,0 +1,63 @@
+"""What estimated random effects have in common with a hypothesis."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cosim.discrepancy.inference.random_stratum import RandomStratum
+
+SCANS, OBJECTS, DELAY_S = 16, 200, -0.02
+FOLDS = 8
+
+
+def _stratum(delay_s: float, seed: int, *, strays: bool = False) -> RandomStratum:
+    """Position errors of scans, in proportion to the speed, and of objects, which a delay does not move.
+
+    Args:
+        delay_s: of the poses.
+        seed: of the noise.
+        strays: whether a few objects have large errors of their own that contradict the delay.
+    """
+    rng = np.random.default_rng(seed)
+    speed, moving = rng.uniform(3, 12, SCANS), np.where(np.arange(OBJECTS) < 20, rng.uniform(-12, 12, OBJECTS), 0.0)
+    poses = delay_s * speed + rng.normal(0, 0.01, SCANS)
+    objects = delay_s * moving + rng.normal(0, 0.03, OBJECTS)
+    if strays:
+        objects[:3] = -15 * delay_s * moving[:3]
+    component = np.repeat([0, 1], (SCANS, OBJECTS))
+    track = np.concatenate([OBJECTS + np.arange(SCANS), np.arange(OBJECTS)])
+    part = np.concatenate([np.arange(SCANS), SCANS + np.arange(OBJECTS)])
+    count = SCANS + OBJECTS
+    x, u = np.concatenate([speed, moving]), np.concatenate([poses, objects])
+    return RandomStratum(u, x, component, 2, (track, part), (count, count))
+
+
+def _gain(stratum: RandomStratum) -> float:
+    fold = np.random.default_rng(0).permutation(SCANS + OBJECTS) % FOLDS
+    return float(stratum.gain(fold, FOLDS).sum())
+
+
+@pytest.mark.parametrize("strays", [False, True])
+def test_a_delay_is_found_in_the_pose_errors_that_absorbed_it(strays: bool) -> None:
+    stratum = _stratum(DELAY_S, 0, strays=strays)
+    assert _gain(stratum) > 20
+    scores, informations = stratum.tables()
+    for score, information in zip(scores, informations, strict=True):
+        assert score.sum() / information.sum() == pytest.approx(DELAY_S, rel=0.1)
+        share = score[-SCANS:, 0] if score is scores[0] else score[:SCANS, 0]
+        assert np.all(share < 0), "all scans agree"
+
+
+def test_independent_errors_gain_nothing() -> None:
+    gains = [_gain(_stratum(0.0, seed)) for seed in range(30)]
+    assert np.mean(gains) < 0
+    assert max(gains) < 6
+
+
+def test_components_of_few_random_effects_predict_nothing() -> None:
+    one = _stratum(DELAY_S, 0)
+    few = np.concatenate([np.arange(2), np.arange(SCANS, SCANS + 2)])
+    clusters = (np.arange(4), np.arange(4))
+    stratum = RandomStratum(one.u[few], one.x[few], one.component[few], 2, clusters, (4, 4))
+    assert not stratum.gain(np.arange(4), 4).any()
