@@ -121,13 +121,8 @@ class Projector:
             is_of_random,
         )  # fmt: skip
 
-    @property
-    def precision(self) -> np.ndarray:
-        """(a,) inverse variances of the random effects."""
-        return self._model.precision
-
-    def random_stratum(self, x: np.ndarray) -> RandomStratum | None:
-        """Regression of the random effects on a column with coefficients x (a,); None for flat priors and without any.
+    def random_stratum(self, x: np.ndarray, one_sided: bool = False) -> RandomStratum | None:
+        """Regression of the random effects on columns with coefficients x (a, k); None for flat priors and without any.
 
         Random effects with a flat prior have no distribution from which they could be told.
         """
@@ -138,7 +133,7 @@ class Projector:
         used = self._model.used
         return RandomStratum(
             self._estimate.u[used], x, self._model.component, len(self._estimate.variance), (track, part),
-            (counts[TRACK], counts[PART]),
+            (counts[TRACK], counts[PART]), one_sided,
         )  # fmt: skip
 
     def _summed(

@@ -9,26 +9,30 @@ include what it explains; therefore the variance of each component is estimated 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 _FEWEST = 3  # random effects of a component from which a variance is estimated
 _ROUNDS = 8
+_ROUNDS_AGAIN = 3  # from the fit to all random effects
+_RIDGE = 1e-3  # share of the information
 _NEGLIGIBLE = 1e-12  # scale
 _FREEDOM = 3  # of the distribution of random effects: few objects have large errors
 
 
 @dataclass(frozen=True, eq=False)
 class RandomStratum:
-    """Regression u = β·x + noise of random effects on a hypothesis.
+    """Regression u = Xβ + noise of random effects on the k columns of a hypothesis.
 
     Attributes:
         u: (a,) estimated random effects.
-        x: (a,) coefficients of the hypothesis in a regression on the random effects' columns.
+        x: (a, k) coefficients of the columns in a regression on the random effects' columns.
         component: (a,) int variance component of each.
         components: number of variance components.
         clusters: two arrays (a,) int: cluster of each random effect by object track or map cell, and by part of a scan.
         counts: number of clusters of either kind.
+        one_sided: whether only positive β make sense.
     """
 
     u: np.ndarray
@@ -37,19 +41,39 @@ class RandomStratum:
     components: int
     clusters: tuple[np.ndarray, np.ndarray]
     counts: tuple[int, int]
+    one_sided: bool = False
+
+    @cached_property
+    def _best(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (k,) and scales (components,) of all random effects.
+
+        The likelihood has an optimum near the coefficients of each component; the iterations start at the best of them.
+        """
+        used, starts = np.ones(len(self.u), bool), [np.zeros(self.x.shape[1])]
+        for component in np.unique(self.component):
+            starts.append(self._regression(np.where(self.component == component, 1.0, 0.0)))
+
+        def loglik(beta: np.ndarray) -> float:
+            residual = self.u - self.x @ beta
+            return _loglik(residual, self._scales(residual, used)[self.component])
+
+        beta = max(starts, key=loglik)
+        return self._fit(used, beta, self._scales(self.u - self.x @ beta, used), _ROUNDS)
+
+    @property
+    def information(self) -> np.ndarray:
+        """(k, k) information about β, with the scales of the components estimated about the fitted β."""
+        return self.x.T @ (self._weight[:, None] * self.x)
 
     def tables(self) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-        """Score and information (clusters, 1) of β at 0, with variances estimated about the fitted β, by clustering."""
-        beta, scale = self._fit(np.ones(len(self.u), bool))
-        weight = self._weights(self.u - beta * self.x, scale) * self.x / scale[self.component] ** 2
-        scores, informations = (
-            tuple(
-                np.bincount(cluster, values, count)[:, None]
-                for cluster, count in zip(self.clusters, self.counts, strict=True)
-            )
-            for values in (weight * self.u, weight * self.x)
+        """Score and information (clusters, k) of β at 0, by clustering; scales as in `information`."""
+        score = self._weight[:, None] * self.x * self.u[:, None]
+        information = self._weight[:, None] * self.x**2
+        (a, b), (c, d) = (
+            [_summed(values, cluster, count) for cluster, count in zip(self.clusters, self.counts, strict=True)]
+            for values in (score, information)
         )
-        return (scores[0], scores[1]), (informations[0], informations[1])
+        return (a, b), (c, d)
 
     def gain(self, fold: np.ndarray, folds: int) -> np.ndarray:
         """Gain (folds,) in predictive log-likelihood of β on random effects that took no part in its fit.
@@ -58,42 +82,43 @@ class RandomStratum:
             fold: (a,) int fold of each random effect.
             folds: number of folds.
         """
-        gains = np.zeros(folds)
+        gains, (best, scales) = np.zeros(folds), self._best
         for number in range(folds):
             held, rest = fold == number, fold != number
             count = np.bincount(self.component[rest], minlength=self.components)
             held &= count[self.component] >= _FEWEST
             if held.any():
-                beta, scale = self._fit(rest)
+                beta, scale = self._fit(rest, best, scales, _ROUNDS_AGAIN)
                 none = self._scales(self.u, rest)
                 for _ in range(_ROUNDS):
                     none = self._scales(self.u, rest, none)
                 at = self.component[held]
-                about_mean = _loglik(self.u[held] - beta * self.x[held], scale[at])
+                about_mean = _loglik(self.u[held] - self.x[held] @ beta, scale[at])
                 gains[number] = about_mean - _loglik(self.u[held], none[at])
         return gains
 
-    def _fit(self, used: np.ndarray) -> tuple[float, np.ndarray]:
-        """Coefficient and scales (components,) by iteratively reweighted least squares on the random effects `used`.
+    @property
+    def _weight(self) -> np.ndarray:
+        """Weight (a,) of each random effect about the best fit."""
+        beta, scale = self._best
+        return self._weights(self.u - self.x @ beta, scale) / scale[self.component] ** 2
 
-        The likelihood has an optimum near the coefficient of every component alone; the iterations start at the best.
-        """
-        square = np.bincount(self.component[used], self.x[used] ** 2, self.components)
-        product = np.bincount(self.component[used], (self.x * self.u)[used], self.components)
-        alone = product[square > 0] / square[square > 0]
-
-        def loglik(beta: float) -> float:
-            residual = self.u - beta * self.x
-            return _loglik(residual[used], self._scales(residual, used)[self.component[used]])
-
-        beta = max((0.0, *map(float, alone)), key=loglik)
-        scale = self._scales(self.u - beta * self.x, used)
-        for _ in range(_ROUNDS):
-            weight = self._weights(self.u - beta * self.x, scale) * self.x / scale[self.component] ** 2
-            weight = np.where(used, weight, 0.0)
-            beta = float(weight @ self.u) / max(float(weight @ self.x), 1e-300)
-            scale = self._scales(self.u - beta * self.x, used, scale)
+    def _fit(self, used: np.ndarray, beta: np.ndarray, scale: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients and scales by iteratively reweighted least squares on the random effects `used`."""
+        for _ in range(rounds):
+            weight = self._weights(self.u - self.x @ beta, scale) / scale[self.component] ** 2
+            beta = self._regression(np.where(used, weight, 0.0))
+            scale = self._scales(self.u - self.x @ beta, used, scale)
         return beta, scale
+
+    def _regression(self, weight: np.ndarray) -> np.ndarray:
+        """Coefficients (k,) of a weighted regression; 0 where nothing informs about them."""
+        weighted = weight[:, None] * self.x
+        information = weighted.T @ self.x
+        diagonal = np.diag(information)
+        ridge = np.where(diagonal > 0, _RIDGE * diagonal, 1.0)
+        beta = np.linalg.solve(information + np.diag(ridge), weighted.T @ self.u)
+        return np.maximum(beta, 0) if self.one_sided else beta
 
     def _weights(self, residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Weights (a,) of residuals with a Student-t distribution."""
@@ -112,3 +137,8 @@ class RandomStratum:
 def _loglik(residual: np.ndarray, scale: np.ndarray) -> float:
     """Log-likelihood of residuals with a Student-t distribution, up to a constant for each."""
     return -float(np.sum((_FREEDOM + 1) / 2 * np.log1p((residual / scale) ** 2 / _FREEDOM) + np.log(scale)))
+
+
+def _summed(values: np.ndarray, cluster: np.ndarray, count: int) -> np.ndarray:
+    """Sums (count, k) of values (a, k) by cluster."""
+    return np.stack([np.bincount(cluster, column, count) for column in values.T], 1)

@@ -99,11 +99,10 @@ def choose(
     shortlist += _turned(best, results, shortlist)
     trials = []
     for result in shortlist:
-        # Shape parameters of effects start far from their values.
-        steps = settings.descent.steps if result.group.is_effect else _ROUGH_STEPS
-        after, _ = refit_with(
-            model, evidence.linearisation, result.group, result.entry.coefficients, fine=False, steps=steps
-        )
+        # Shape parameters of effects, and what random effects have absorbed, start far from their values.
+        is_far = result.group.is_effect or result.entry.cell.distribution == "random"
+        steps = settings.descent.steps if is_far else _ROUGH_STEPS
+        after, _ = refit_with(model, evidence.linearisation, result.group, result.entry.start, fine=False, steps=steps)
         trials.append(_Trial(result, after.loglik - model.loglik, after))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
@@ -138,7 +137,7 @@ def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> 
     result = trial.result
     for fine in (True, False):
         after, group = refit_with(
-            model, evidence.linearisation, result.group, result.entry.coefficients, fine=fine, steps=STEPS
+            model, evidence.linearisation, result.group, result.entry.start, fine=fine, steps=STEPS
         )
         if after.loglik - model.loglik >= trial.gain or group is result.group:
             break
@@ -159,7 +158,7 @@ def _by_laser(
     for result in evidence.results:
         other = result.group
         if other.is_effect and other.size == linearisation.fitter.rings and other.family == group.family:
-            after, _ = refit_with(model, linearisation, other, result.entry.coefficients, fine=False, steps=STEPS)
+            after, _ = refit_with(model, linearisation, other, result.entry.start, fine=False, steps=STEPS)
             if after.loglik - model.loglik > needed * (best.loglik - model.loglik):
                 best, group = after, other
     return best, group

@@ -80,7 +80,7 @@ class FittedModel:
 
 
 def refit_with(
-    model: FittedModel, linearisation: Linearisation, group: Group, coefficients: np.ndarray, *, fine: bool, steps: int
+    model: FittedModel, linearisation: Linearisation, group: Group, start: np.ndarray, *, fine: bool, steps: int
 ) -> tuple[FittedModel, Group]:
     """Fit a model with one group more, without its entry among the terms; and the group in the bins that were fitted.
 
@@ -88,13 +88,13 @@ def refit_with(
         model: so far.
         linearisation: about it.
         group: the candidate.
-        coefficients: (k,) of a Gauss–Newton step.
+        start: (k,) initial coefficients, `Entry.start`.
         fine: whether a dependence is fitted in its finest bins.
         steps: Gauss–Newton steps at most.
     """
     fitter, fitted = model.fitter, model.fitted
     if group.is_effect:
-        effects, index = _with_effect(model, group, coefficients)
+        effects, index = _with_effect(model, group, start)
         free = model.free if index in model.free else (*model.free, index)
         after = fitter.fit(
             effects, all_free(effects, free, fitter.rings), fitted.estimate, steps=steps, roughly=True,
@@ -103,10 +103,9 @@ def refit_with(
         return replace(model, fitted=after, free=free), group
     if fine:
         group = finest(linearisation, group)
-        coefficients = np.zeros(group.size)
+        start = np.zeros(group.size)
     assert group.basis is not None  # shared errors are not refitted
-    share = fitter.settings.likelihood.reference_share if group.is_count else 0.0  # others start from no change
-    dependence = Dependence(group.name, group.channel, group.basis, np.maximum(coefficients, 0) * share)
+    dependence = Dependence(group.name, group.channel, group.basis, start)
     widened = group.family == "range"
     after = fit_again(model, fitted.effects, model.free, (*fitted.dependences, dependence), steps, widened=widened)
     return replace(model, fitted=after), group

@@ -79,6 +79,16 @@ class Entry:
         step = np.linalg.solve(correlation, self.score / scale) / scale
         return np.maximum(step, 0) if self.group.one_sided else step
 
+    @property
+    def start(self) -> np.ndarray:
+        """(k,) coefficients from which a fit starts.
+
+        Those of a dependence are 0, except for counts, whose likelihood is no parabola, and where random effects have
+        absorbed it.
+        """
+        is_far = self.group.is_effect or self.is_count or self.cell.distribution == "random"
+        return self.coefficients * self.unit if is_far else np.zeros(self.group.size)
+
 
 @dataclass(frozen=True, eq=False)
 class GroupTest:
@@ -264,38 +274,19 @@ def _of_random(group: Group, found: Projected, own: slice, projector: Projector,
         projector: of these scores.
         settings: numeric choices.
     """
-    strata = [projector.random_stratum(column) for column in found.random[:, own].T]
-    used = [stratum for stratum in strata if stratum is not None]
-    if not used or len(used) < len(strata):
+    stratum = projector.random_stratum(found.random[:, own], group.one_sided)
+    if stratum is None:
         return []
-    parts = [stratum.tables() for stratum in used]
-    tables, cluster_information = (
-        (np.hstack([part[which][TRACK] for part in parts]), np.hstack([part[which][PART] for part in parts]))
-        for which in (0, 1)
-    )
-    diagonal = cluster_information[TRACK].sum(0)
+    tables, cluster_information = stratum.tables()
     gains = tuple(
-        sum(
-            (stratum.gain(folds_of_clusters(count, settings.folds, kind)[cluster], settings.folds) for stratum in used),
-            np.zeros(settings.folds),
-        )
-        for kind, (cluster, count) in enumerate(zip(used[0].clusters, used[0].counts, strict=True))
+        stratum.gain(folds_of_clusters(count, settings.folds, kind)[cluster], settings.folds)
+        for kind, (cluster, count) in enumerate(zip(stratum.clusters, stratum.counts, strict=True))
     )
-    information = _correlation(found.random[:, own], projector.precision) * np.sqrt(np.outer(diagonal, diagonal))
     scatter = np.maximum(*((table**2).sum(0) for table in tables))
-    cell = Cell("random", information, group.one_sided, 1.0, gains)
-    variance = np.maximum(scatter, diagonal)
-    return [
-        Entry(group, tables, cluster_information, information, variance, np.ones(group.size), cell, False,
-              np.ones(group.size))
-    ]  # fmt: skip
-
-
-def _correlation(columns: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Correlation (k, k) of columns (a, k) with weights (a,)."""
-    information = columns.T @ (weight[:, None] * columns)
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    return information / np.outer(scale, scale)
+    cell = Cell("random", stratum.information, group.one_sided, 1.0, gains)
+    variance = np.maximum(scatter, np.diag(stratum.information))
+    ones = np.ones(group.size)
+    return [Entry(group, tables, cluster_information, stratum.information, variance, ones, cell, False, ones)]
 
 
 def _direct(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def _stratum(delay_s: float, seed: int, *, strays: bool = False) -> RandomStratu
     part = np.concatenate([np.arange(SCANS), SCANS + np.arange(OBJECTS)])
     count = SCANS + OBJECTS
     x, u = np.concatenate([speed, moving]), np.concatenate([poses, objects])
-    return RandomStratum(u, x, component, 2, (track, part), (count, count))
+    return RandomStratum(u, x[:, None], component, 2, (track, part), (count, count))
 
 
 def _gain(stratum: RandomStratum) -> float:
@@ -61,3 +63,10 @@ def test_components_of_few_random_effects_predict_nothing() -> None:
     clusters = (np.arange(4), np.arange(4))
     stratum = RandomStratum(one.u[few], one.x[few], one.component[few], 2, clusters, (4, 4))
     assert not stratum.gain(np.arange(4), 4).any()
+
+
+def test_an_amplitude_that_cannot_be_negative_gains_nothing_where_the_errors_have_the_other_sign() -> None:
+    stratum = replace(_stratum(DELAY_S, 0), one_sided=True)
+    assert _gain(stratum) <= 0
+    opposite = replace(stratum, x=-stratum.x)
+    assert _gain(opposite) > 20
