@@ -29,7 +29,7 @@ class Clusters:
     def of_random_effects(self) -> tuple[np.ndarray, np.ndarray]:
         """Cluster (m,) int of each random effect among the tracks, and among the parts of scans.
 
-        Errors of poses are clusters of their own beside the tracks; errors of objects and of the map beside the parts.
+        Errors of poses are additional clusters among the tracks; errors of objects and of the map, among the parts.
         """
         tracks, parts, scans = (int(of.max(initial=-1)) + 1 for of in (self.track, self.part, self.scan))
         is_of_track = self.unit_track >= 0

@@ -124,7 +124,7 @@ class Projector:
     def random_stratum(self, x: np.ndarray, one_sided: bool = False) -> RandomStratum | None:
         """Regression of the random effects on columns with coefficients x (a, k); None for flat priors and without any.
 
-        Random effects with a flat prior have no distribution from which they could be told.
+        Random effects with a flat prior have no distribution that an error of theirs would contradict.
         """
         if not self._least_left or not np.any(x):
             return None

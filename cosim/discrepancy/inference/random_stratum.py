@@ -1,6 +1,6 @@
 """What the estimated random effects have in common with a hypothesis.
 
-Where random effects explain nearly all that a hypothesis changes, the beams cannot tell it from them, but the random
+Where random effects explain nearly all that a hypothesis changes, the beams cannot distinguish the two, but the random
 effects can: a delay makes the position errors of all scans proportional to the speed. They are a stratum of their own
 (split-plot analysis: Nelder, Proc. R. Soc. A 283, 1965). Their variances were estimated without the hypothesis and
 include what it explains; therefore the variance of each component is estimated again, together with the coefficient.

@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.groups import Group, joined
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.shared_errors import SharedError, common_information
 from cosim.discrepancy.inference.dependence import SPREADS
-from cosim.discrepancy.inference.projection import PART, TRACK, Projected, Projector
+from cosim.discrepancy.inference.projection import PART, TRACK, Projector
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import (
     Cell,
@@ -230,7 +230,7 @@ def _project(
             continue
         is_of_random = bool(found.is_of_random[own].all())
         if is_of_random or (group.is_effect and group.size == 1):
-            entries += _of_random(group, found, own, projector, settings)
+            entries += _of_random(group, found.random[:, own], projector, settings)
         if is_of_random:
             continue
         tables = found.tables[TRACK][:, own], found.tables[PART][:, own]
@@ -264,17 +264,16 @@ def _project(
     return entries
 
 
-def _of_random(group: Group, found: Projected, own: slice, projector: Projector, settings: Selection) -> list[Entry]:
+def _of_random(group: Group, x: np.ndarray, projector: Projector, settings: Selection) -> list[Entry]:
     """Entry of a group from what the random effects have in common with it; none if they have nothing.
 
     Args:
         group: the hypothesis.
-        found: efficient scores.
-        own: its columns there.
+        x: (a, k) coefficients of its columns in a regression on the random effects.
         projector: of these scores.
         settings: numeric choices.
     """
-    stratum = projector.random_stratum(found.random[:, own], group.one_sided)
+    stratum = projector.random_stratum(x, group.one_sided)
     if stratum is None:
         return []
     tables, cluster_information = stratum.tables()

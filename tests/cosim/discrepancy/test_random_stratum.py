@@ -13,19 +13,19 @@ SCANS, OBJECTS, DELAY_S = 16, 200, -0.02
 FOLDS = 8
 
 
-def _stratum(delay_s: float, seed: int, *, strays: bool = False) -> RandomStratum:
+def _stratum(delay_s: float, seed: int, *, outliers: bool = False) -> RandomStratum:
     """Position errors of scans, in proportion to the speed, and of objects, which a delay does not move.
 
     Args:
         delay_s: of the poses.
         seed: of the noise.
-        strays: whether a few objects have large errors of their own that contradict the delay.
+        outliers: whether a few objects have large errors of their own that contradict the delay.
     """
     rng = np.random.default_rng(seed)
     speed, moving = rng.uniform(3, 12, SCANS), np.where(np.arange(OBJECTS) < 20, rng.uniform(-12, 12, OBJECTS), 0.0)
     poses = delay_s * speed + rng.normal(0, 0.01, SCANS)
     objects = delay_s * moving + rng.normal(0, 0.03, OBJECTS)
-    if strays:
+    if outliers:
         objects[:3] = -15 * delay_s * moving[:3]
     component = np.repeat([0, 1], (SCANS, OBJECTS))
     track = np.concatenate([OBJECTS + np.arange(SCANS), np.arange(OBJECTS)])
@@ -40,9 +40,9 @@ def _gain(stratum: RandomStratum) -> float:
     return float(stratum.gain(fold, FOLDS).sum())
 
 
-@pytest.mark.parametrize("strays", [False, True])
-def test_a_delay_is_found_in_the_pose_errors_that_absorbed_it(strays: bool) -> None:
-    stratum = _stratum(DELAY_S, 0, strays=strays)
+@pytest.mark.parametrize("outliers", [False, True])
+def test_a_delay_is_detected_in_the_pose_errors_that_absorbed_it(outliers: bool) -> None:
+    stratum = _stratum(DELAY_S, 0, outliers=outliers)
     assert _gain(stratum) > 20
     scores, informations = stratum.tables()
     for score, information in zip(scores, informations, strict=True):
@@ -67,6 +67,6 @@ def test_components_of_few_random_effects_predict_nothing() -> None:
 
 def test_an_amplitude_that_cannot_be_negative_gains_nothing_where_the_errors_have_the_other_sign() -> None:
     stratum = replace(_stratum(DELAY_S, 0), one_sided=True)
-    assert _gain(stratum) <= 0
+    assert abs(_gain(stratum)) < 0.5
     opposite = replace(stratum, x=-stratum.x)
     assert _gain(opposite) > 20
