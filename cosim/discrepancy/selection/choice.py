@@ -117,17 +117,16 @@ def choose(
         return frozenset({result.group.name})
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
-    p_value, gain = result.p_value, after.loglik - model.loglik
+    p_value, penalty = result.p_value, group.size * max(result.entry.cell.dispersion, 1.0)
     if p_value > settings.selection.level:
-        p_value = min(
-            p_of_gain(model, after, group, trial.penalty, settings.selection) * evidence.dictionary.tested, 1.0
-        )
+        p_of_one = p_of_gain(model, after, group, penalty, settings.selection)
+        p_value = min(p_of_one * evidence.dictionary.tested, 1.0)
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
     alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)
-    penalty = group.size * max(result.entry.cell.dispersion, 1.0)
+    penalty = group.size * max(result.entry.cell.dispersion, 1.0)  # an effect may have replaced the dependence
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
 
