@@ -122,7 +122,7 @@ class Projector:
         )  # fmt: skip
 
     def random_stratum(self, x: np.ndarray, one_sided: bool = False) -> RandomStratum | None:
-        """Regression of the random effects on columns with coefficients x (a, k); None for flat priors and without any.
+        """Regression on columns with coefficients x (a, k) of the random effects that beams determine, or None.
 
         Random effects with a flat prior have no distribution that an error of theirs would contradict.
         """
@@ -130,10 +130,12 @@ class Projector:
             return None
         track, part = self._units
         counts = tuple(prior.shape[0] for prior in self._prior)
-        used = self._model.used
+        rows = np.flatnonzero(self._model.information.diagonal() > self._model.precision)  # better than their prior
+        if not len(rows):
+            return None
         return RandomStratum(
-            self._estimate.u[used], x, self._model.component, len(self._estimate.variance), (track, part),
-            (counts[TRACK], counts[PART]), one_sided,
+            self._estimate.u[self._model.used[rows]], x[rows], self._model.component[rows],
+            len(self._estimate.variance), (track[rows], part[rows]), (counts[TRACK], counts[PART]), one_sided,
         )  # fmt: skip
 
     def _summed(

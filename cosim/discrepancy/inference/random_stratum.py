@@ -60,6 +60,12 @@ class RandomStratum:
         beta = max(starts, key=loglik)
         return self._fit(used, beta, self._scales(self.u - self.x @ beta, used), _ROUNDS)
 
+    @cached_property
+    def _scales_about_none(self) -> np.ndarray:
+        """Scales (components,) of all random effects without β, by as many iterations as with it."""
+        used = np.ones(len(self.u), bool)
+        return self._rescaled(self.u, used, self._scales(self.u, used), _ROUNDS)
+
     @property
     def information(self) -> np.ndarray:
         """(k, k) information about β, with the scales of the components estimated about the fitted β."""
@@ -82,16 +88,14 @@ class RandomStratum:
             fold: (a,) int fold of each random effect.
             folds: number of folds.
         """
-        gains, (best, scales) = np.zeros(folds), self._best
+        gains, (best, scales), scales_of_none = np.zeros(folds), self._best, self._scales_about_none
         for number in range(folds):
             held, rest = fold == number, fold != number
             count = np.bincount(self.component[rest], minlength=self.components)
             held &= count[self.component] >= _FEWEST
             if held.any():
                 beta, scale = self._fit(rest, best, scales, _ROUNDS_AGAIN)
-                none = self._scales(self.u, rest)
-                for _ in range(_ROUNDS):
-                    none = self._scales(self.u, rest, none)
+                none = self._rescaled(self.u, rest, scales_of_none, _ROUNDS_AGAIN)
                 at = self.component[held]
                 about_mean = _loglik(self.u[held] - self.x[held] @ beta, scale[at])
                 gains[number] = about_mean - _loglik(self.u[held], none[at])
@@ -119,6 +123,11 @@ class RandomStratum:
         ridge = np.where(diagonal > 0, _RIDGE * diagonal, 1.0)
         beta = np.linalg.solve(information + np.diag(ridge), weighted.T @ self.u)
         return np.maximum(beta, 0) if self.one_sided else beta
+
+    def _rescaled(self, residual: np.ndarray, used: np.ndarray, scale: np.ndarray, rounds: int) -> np.ndarray:
+        for _ in range(rounds):
+            scale = self._scales(residual, used, scale)
+        return scale
 
     def _weights(self, residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Weights (a,) of residuals with a Student-t distribution."""

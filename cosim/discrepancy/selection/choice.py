@@ -100,7 +100,7 @@ def choose(
     trials = []
     for result in shortlist:
         # Shape parameters of effects, and what random effects have absorbed, start far from their values.
-        is_far = result.group.is_effect or result.entry.cell.distribution == "random"
+        is_far = result.group.is_effect or result.entry.is_of_random
         steps = settings.descent.steps if is_far else _ROUGH_STEPS
         after, _ = refit_with(model, evidence.linearisation, result.group, result.entry.start, fine=False, steps=steps)
         trials.append(_Trial(result, after.loglik - model.loglik, after))
@@ -118,7 +118,7 @@ def choose(
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
     p_value, penalty = result.p_value, group.size * max(result.entry.cell.dispersion, 1.0)
-    if p_value > settings.selection.level:
+    if p_value > settings.selection.level or result.entry.is_of_random:
         p_of_one = p_of_gain(model, after, group, penalty, settings.selection)
         p_value = min(p_of_one * evidence.dictionary.tested, 1.0)
         if p_value > settings.selection.level:

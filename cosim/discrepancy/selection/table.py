@@ -80,13 +80,18 @@ class Entry:
         return np.maximum(step, 0) if self.group.one_sided else step
 
     @property
+    def is_of_random(self) -> bool:
+        """Whether the scores are those of the random effects, not of the beams: exact fits decide on the group."""
+        return self.cell.distribution == "random"
+
+    @property
     def start(self) -> np.ndarray:
         """(k,) coefficients from which a fit starts.
 
         Those of a dependence are 0, except for counts, whose likelihood is no parabola, and where random effects have
         absorbed it.
         """
-        is_far = self.group.is_effect or self.is_count or self.cell.distribution == "random"
+        is_far = self.group.is_effect or self.is_count or self.is_of_random
         return self.coefficients * self.unit if is_far else np.zeros(self.group.size)
 
 
