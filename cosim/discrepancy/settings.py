@@ -84,7 +84,6 @@ class LikelihoodConstants:
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, of each kind
     unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
-    edge_octaves_m: Pair = (5.0, 160.0)  # range of distances whose octaves have their own shares
     neither_tolerance: float = 1e-5  # minimum of these shares, and their convergence tolerance
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
