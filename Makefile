@@ -14,14 +14,14 @@ demo: setup
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	$(PYTHON) -m pytest -n 2 --dist worksteal
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m pytest -n 2 --dist worksteal
 
 test-lowest:
 	@sh tools/lowest.sh  # in out/lowest: the lowest versions of the dependencies that pyproject.toml allows
 
 slow: setup-dev
 	@echo "make slow: every town, fifty kills, an installation, all blocks of the docs; hours on two cores" >&2
-	$(PYTHON) -m pytest -m slow -n 2 --dist worksteal --durations=20
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m pytest -m slow -n 2 --dist worksteal --durations=20
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .
