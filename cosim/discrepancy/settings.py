@@ -82,9 +82,8 @@ class LikelihoodConstants:
     least_spurious_share: float = 1e-5  # share of beams with spurious returns beyond those that effects predict
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
-    neither_share: float = 0.01  # initial share of beams near edges that hit no known surface, of each kind
     unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
-    neither_tolerance: float = 1e-5  # minimum of these shares, and their convergence tolerance
+    least_neither_share: float = 1e-5  # minimum share of beams near edges that hit no known surface, of each kind
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
     own_at_seams: float = 0.5  # probability that an intensity is from the beam's own surface next to another material

@@ -164,6 +164,16 @@ def test_mixture_weights_maximise_the_likelihood() -> None:
         assert loglik(share) > max(loglik(share + way), loglik(share - way))
 
 
+def test_mixture_weights_are_found_where_hardly_any_beam_hits_a_known_surface() -> None:
+    """The maximum is at the limit of the sum of the weights, from which one of two similar components is far."""
+    rng, weight = np.random.default_rng(0), np.full(400, 2.0)
+    near = rng.uniform(2, 5, 400)
+    neither, sides = np.stack([near, near * rng.uniform(0.3, 0.31, 400), np.full(400, 0.008)]), np.full(400, 1e-6)
+    share = mixture_weights(sides, neither, weight, DEFAULT.likelihood)
+    assert share[0] == pytest.approx(1, abs=1e-3)
+    assert share[1:].max() < 1e-4
+
+
 def test_without_edges_and_with_nothing_but_edges(context: Context, frames) -> None:
     sample = _sampled(frames)
     expected = _expected(context, sample)
