@@ -7,6 +7,9 @@ export PYTHONDONTWRITEBYTECODE =
 
 SECTIONS := lidar growth stages floor rates sizes memory loop effects
 
+# One thread of linear algebra, as workers run.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+
 .PHONY: demo test test-lowest slow check docs pictures weights bench hidden fuzz setup setup-dev clean $(SECTIONS)
 
 demo: setup
@@ -14,14 +17,14 @@ demo: setup
 	$(COSIM) view out/demo/drive --out out/demo
 
 test: setup-dev
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m pytest -n 2 --dist worksteal
+	$(ONE_THREAD) $(PYTHON) -m pytest -n 2 --dist worksteal
 
 test-lowest:
 	@sh tools/lowest.sh  # in out/lowest: the lowest versions of the dependencies that pyproject.toml allows
 
 slow: setup-dev
 	@echo "make slow: every town, fifty kills, an installation, all blocks of the docs; hours on two cores" >&2
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m pytest -m slow -n 2 --dist worksteal --durations=20
+	$(ONE_THREAD) $(PYTHON) -m pytest -m slow -n 2 --dist worksteal --durations=20
 
 check: setup-dev
 	$(PYTHON) -m ruff format --check .
@@ -43,14 +46,14 @@ weights: setup-dev
 	$(PYTHON) -m training.weights out/weights/detector/checkpoint.pt  # training/weights/pillars_small.pt
 
 bench: setup-dev
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.bench $(filter $(SECTIONS),$(MAKECMDGOALS))  # as workers run
+	$(ONE_THREAD) $(PYTHON) -m tests.bench $(filter $(SECTIONS),$(MAKECMDGOALS))
 
 $(SECTIONS): bench  # make bench growth
 	@:
 
 hidden: setup-dev
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.benchmark
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PYTHON) -m tests.hidden.traffic.benchmark
+	$(ONE_THREAD) $(PYTHON) -m tests.hidden.benchmark
+	$(ONE_THREAD) $(PYTHON) -m tests.hidden.traffic.benchmark
 
 fuzz: setup-dev
 	$(PYTHON) -m tests.fuzz

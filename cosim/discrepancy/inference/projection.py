@@ -72,11 +72,10 @@ class Projector:
         prior = estimate.u[model.used] * model.precision
         track, part = (unit[model.used] for unit in clusters.of_random_effects())
         self._units, at = (track, part), np.arange(len(prior))
-        tracks, parts = self._counts
-        scans = int(clusters.scan.max(initial=-1)) + 1
+        self._all_counts = clusters.counts
         self._prior: list[SparseMatrix] = [
-            sparse.csr_matrix((prior, (track, at)), (tracks + scans, len(prior))),
-            sparse.csr_matrix((prior, (part, at)), (parts + scans + tracks, len(prior))),
+            sparse.csr_matrix((prior, (unit, at)), (count, len(prior)))
+            for unit, count in zip(self._units, self._all_counts, strict=True)
         ]
 
     def plain(self, basis: SparseMatrix, score: np.ndarray) -> list[np.ndarray]:
@@ -129,13 +128,12 @@ class Projector:
         if not self._least_left or not np.any(x):
             return None
         track, part = self._units
-        counts = tuple(prior.shape[0] for prior in self._prior)
         rows = np.flatnonzero(self._model.information.diagonal() > self._model.precision)  # better than their prior
         if not len(rows):
             return None
         return RandomStratum(
             self._estimate.u[self._model.used[rows]], x[rows], self._model.component[rows],
-            len(self._estimate.variance), (track[rows], part[rows]), (counts[TRACK], counts[PART]), one_sided,
+            len(self._estimate.variance), (track[rows], part[rows]), self._all_counts, one_sided,
         )  # fmt: skip
 
     def _summed(

@@ -61,11 +61,10 @@ def p_of_gain(before: FittedModel, after: FittedModel, group: Group, chance: flo
     gains = _gains(fitter, before.fitted, after.fitted)
     parameters = max(_size(after.fitted) - _size(before.fitted), 1)
     clusters = fitter.random.clusters_of(group.family == "range", 1 if group.is_of_scan else settings.sectors)
-    by_track, by_part = clusters.of_random_effects()
-    clusterings = [(clusters.track, by_track), (clusters.part, by_part)]
+    beams = (clusters.track, clusters.part)
+    clusterings = list(zip(beams, clusters.of_random_effects(), clusters.counts, strict=True))
     worst = 0.0
-    for of_beam, of_random in clusterings if group.is_clustered_by_scan else clusterings[:1]:
-        count = 1 + max(int(of_beam.max(initial=-1)), int(of_random.max(initial=-1)))
+    for of_beam, of_random, count in clusterings if group.is_clustered_by_scan else clusterings[:1]:
         gained = np.bincount(of_beam, gains.of_beams, count) + np.bincount(of_random, gains.of_random, count)
         expected = np.bincount(of_beam, gains.expected_of_beams, count)
         expected += np.bincount(of_random, gains.expected_of_random, count)

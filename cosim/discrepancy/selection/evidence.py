@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
-from cosim.discrepancy.inference.projection import TRACK
+from cosim.discrepancy.inference.projection import TRACK, Projector
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
@@ -69,18 +69,22 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
     rng, by = np.random.default_rng([seed, len(model.terms)]), settings.selection
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     dictionary = build_dictionary(linearisation, effects, settings, rng)
-    projector, of_reflectances = linearisation.projector(by.sectors), linearisation.projector(by.sectors, "intensity")
-    projectors = {"range": projector, "intensity": of_reflectances, "returns": of_reflectances}
+    projectors, of_scans = _projectors(linearisation, by.sectors), _projectors(linearisation, 1)
+    projector = projectors["range"]
     kept = first_pass(linearisation, dictionary, projectors, settings)
     entries: list[Entry] = []
-    for family, own in projectors.items():
-        groups = [group for group in kept if group.family == family]
-        of_scans = [group for group in groups if group.is_of_scan]
-        entries += score_groups(linearisation, [group for group in groups if not group.is_of_scan], own, by)
-        if of_scans:
-            entries += score_groups(linearisation, of_scans, linearisation.projector(1, family), by)
+    for family in projectors:
+        for is_of_scan, own in ((False, projectors[family]), (True, of_scans[family])):
+            groups = [group for group in kept if group.family == family and group.is_of_scan == is_of_scan]
+            entries += score_groups(linearisation, groups, own, by)
     shared = shared_errors(linearisation, projector.clusters[TRACK])
     entries += score_shared(linearisation, shared, model.shared, projector)
     tested = dictionary.tested + len(shared)
     results = evaluate(entries, by, rng, max(tested / max(len(entries), 1), 1.0))
     return SelectionEvidence(linearisation, dictionary, results)
+
+
+def _projectors(linearisation: Linearisation, sectors: int) -> dict[str, Projector]:
+    """Projectors by family of channels: intensities and returns have the same clusters."""
+    of_reflectances = linearisation.projector(sectors, "intensity")
+    return {"range": linearisation.projector(sectors), "intensity": of_reflectances, "returns": of_reflectances}
