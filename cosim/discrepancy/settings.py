@@ -84,6 +84,7 @@ class LikelihoodConstants:
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
     least_neither_share: float = 1e-5  # minimum share of beams near edges that hit no known surface, of each kind
+    edge_octaves_m: Pair = (5.0, 160.0)  # range of distances whose octaves have their own shares
     lost_share: float = 1e-3  # minimum probability of a return, and of no return
     clear_of_limits: float = 2.5  # distance from a limit, in σ, beyond which censoring is negligible
     own_at_seams: float = 0.5  # probability that an intensity is from the beam's own surface next to another material

@@ -219,8 +219,7 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
 
     Beams near edges hit one of the sides, or an unknown surface: then they have a return near one of the sides, at a
-    uniform range, or none. Edges against the sky have their own shares, because a beam that passes the edge has no
-    return either: how many are lost there says where the edge is.
+    uniform range, or none. The shares of these are estimated by class, see `Sample.edge_class`.
 
     Args:
         sample: sample of measured beams.
@@ -231,8 +230,9 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
-    for kind in (~sample.beside_sky, sample.beside_sky):
-        near, rows = np.flatnonzero(sample.edge & sample.first & kind), np.flatnonzero(sample.edge & kind)
+    for edge_class in range(int(sample.edge_class.max()) + 1):
+        rows = np.flatnonzero(sample.edge_class == edge_class)
+        near = rows[sample.first[rows]]
         if not len(near):
             continue
         neither = sample.unknown_surfaces[:, near]

@@ -181,6 +181,21 @@ class Sample:
         return self.edge & (np.bincount(self.own, misses, len(self))[self.own] > 0)
 
     @cached_property
+    def edge_class(self) -> np.ndarray:
+        """(n,) int class of beams near edges; −1 for others.
+
+        Edges against the sky are classes of their own, because a beam that passes such an edge has no return either:
+        how many are lost there says where the edge is. So are octaves of the distance: an error of an angle moves a
+        distant edge further, so that more beams miss it.
+        """
+        nearest = np.full(len(self), np.inf)
+        np.minimum.at(nearest, self.own, np.nan_to_num(self.range_m, nan=np.inf))
+        first_m, last_m = self.settings.likelihood.edge_octaves_m
+        distance_m = np.clip(nearest[self.own], first_m, last_m * 0.99)
+        octaves = int(np.log2(last_m / first_m))
+        return np.where(self.edge, np.log2(distance_m / first_m).astype(int) + octaves * self.beside_sky, -1)
+
+    @cached_property
     def unknown_surfaces(self) -> np.ndarray:
         """(c, n) likelihoods of beams that hit an unknown surface near an edge, in their first rows.
 
