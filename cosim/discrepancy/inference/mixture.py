@@ -9,7 +9,7 @@ from scipy.optimize import nnls
 from cosim.discrepancy.settings import LikelihoodConstants
 
 _NEGLIGIBLE_GAIN = 1e-9  # expected gain in log-likelihood below which the search ends
-_DAMPING = 1e-10  # of the information, relative to the weight of all beams: components may be equal
+_DAMPING = 1e-9  # of the information about each weight: components may be equal
 
 
 def mixture_weights(
@@ -39,7 +39,7 @@ def mixture_weights(
         if not np.isfinite(ratio).all():  # an unphysical trial: its likelihood is not finite either way
             break
         gradient, information = ratio @ weight - total, (ratio * weight) @ ratio.T
-        step = _best_share(gradient, information, share, total) - share
+        step = _best_share(gradient, information, share) - share
         expected_gain = gradient @ step
         if expected_gain < _NEGLIGIBLE_GAIN:
             break
@@ -52,11 +52,12 @@ def mixture_weights(
     return above * share[1:] / share.sum() + least
 
 
-def _best_share(gradient: np.ndarray, information: np.ndarray, share: np.ndarray, total: float) -> np.ndarray:
-    """Weights ≥ 0 that maximise the quadratic approximation of the log-likelihood less `total` times their sum.
+def _best_share(gradient: np.ndarray, information: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Weights ≥ 0 where the quadratic approximation of the log-likelihood, less the weight of all beams times the sum
+    of the weights, has its maximum.
 
-    With this term the maximum sums to 1 without a constraint, because weights that are all doubled add
-    log 2 per beam (Kim et al. 2020, "A fast algorithm for maximum likelihood estimation of mixture proportions").
+    The second term makes this sum 1, because twofold weights multiply the likelihood of each beam by 2 (Kim et al.
+    2020, "A fast algorithm for maximum likelihood estimation of mixture proportions").
     """
-    root = cholesky(information + _DAMPING * total * np.eye(len(share)))
+    root = cholesky(information + _DAMPING * np.diag(information.diagonal()))
     return nnls(root, root @ share + solve_triangular(root, gradient, trans=1))[0]
