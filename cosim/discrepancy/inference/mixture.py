@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from cosim.discrepancy.settings import LikelihoodConstants
@@ -59,5 +58,5 @@ def _best_share(gradient: np.ndarray, information: np.ndarray, share: np.ndarray
     The second term makes this sum 1, because twofold weights multiply the likelihood of each beam by 2 (Kim et al.
     2020, "A fast algorithm for maximum likelihood estimation of mixture proportions").
     """
-    root = cholesky(information + _DAMPING * np.diag(information.diagonal()))
-    return nnls(root, root @ share + solve_triangular(root, gradient, trans=1))[0]
+    root = np.linalg.cholesky(information * (1 + _DAMPING * np.eye(len(share))))
+    return nnls(root.T, share @ root + np.linalg.solve(root, gradient))[0]
