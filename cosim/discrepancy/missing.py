@@ -39,6 +39,11 @@ class ReportedTerm:
     term: str = ""
     interval: dict[str, list[float]] | None = None
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether it is an error that several beams have in common."""
+        return self.unknown is not None and self.unknown.curve.is_shared
+
 
 @dataclass(frozen=True, eq=False)
 class Missing:
@@ -94,8 +99,8 @@ def find_missing(context: Context, model: FittedModel) -> Missing:
     """Select terms, turn them into effects, and drop those whose intervals include no change."""
     first, last, selected = select(context, model)
     selected, findings, phases = convert_terms(context, selected)
-    selected, findings = drop_insignificant(context, selected, findings)
-    return Missing(selected, findings, phases, first, last)
+    selected, findings, dropped = drop_insignificant(context, selected, findings)
+    return Missing(selected, findings, (*phases, *dropped), first, last)
 
 
 def select(context: Context, model: FittedModel) -> tuple[SelectionEvidence, SelectionEvidence, FittedModel]:
@@ -155,57 +160,48 @@ def convert_terms(
     if not is_accurate(fitter, fitted.effects):
         on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
         converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
-    return _without_idle(context, converted, findings, phases)
-
-
-def _without_idle(
-    context: Context, model: FittedModel, findings: Sequence[ReportedTerm], phases: Sequence[Term]
-) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...]]:
-    """Without plug-ins that gain nothing: no formula describes their curves, so that these are only listed."""
-    fitted, fitter = model.fitted, model.fitter
-    loss = fitter.loss(fitted.estimate)
-    terms = {term.group.name: term for term in model.terms if not term.group.is_effect}
-    idle, listed = set[str](), list(phases)
-    for one in findings:
-        if one.unknown is None or one.unknown.curve.is_shared:
-            continue
-        rest = tuple(effect for effect in fitted.effects if effect.name != one.name)
-        if loss(rest) - loss(fitted.effects) < context.settings.selection.least_follower:
-            idle.add(one.name)
-            listed.append(terms[one.term])
-    if not idle:
-        return model, tuple(findings), tuple(phases)
-    effects = tuple(effect for effect in fitted.effects if effect.name not in idle)
-    names = {fitted.effects[index].name for index in model.free} - idle
-    free = tuple(index for index, effect in enumerate(effects) if effect.name in names)
-    refitted = fitter.fit(effects, all_free(effects, free, fitter.rings), fitted.estimate)
-    kept = tuple(one for one in findings if one.name not in idle)
-    return replace(model, fitted=refitted, free=free), kept, tuple(listed)
+    return converted, tuple(findings), tuple(phases)
 
 
 def drop_insignificant(
     context: Context, model: FittedModel, findings: Sequence[ReportedTerm]
-) -> tuple[FittedModel, tuple[ReportedTerm, ...]]:
-    """Drop findings of the catalogue of which every amplitude's interval includes no change, and fit the rest.
+) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...]]:
+    """Drop findings of which every amplitude's interval includes no change, and plug-ins that gain nothing.
 
-    One after the other, the latest first: if two findings compensate each other, both intervals include no change, but
-    that of the first does not without the second. No change is the neutral value of an added effect, and the given
-    value of an effect that the sensor has.
+    One after the other, the latest first, and the rest is fitted again: if two findings compensate each other, both
+    intervals include no change, but that of the first does not without the second. No change is the neutral value of
+    an added effect, and the given value of an effect that the sensor has.
+
+    Returns:
+        The model; the findings that are left; and terms of dropped plug-ins, whose curves no formula describes.
     """
-    findings = tuple(findings)
+    findings, terms = tuple(findings), {term.group.name: term for term in model.terms}
+    listed = list[Term]()
     while idle := _latest_idle(context, model, findings):
-        context.on_progress(f"dropped {idle}: the interval includes no change")
-        model = _without_effect(context, model, idle)
-        findings = tuple(one for one in findings if one.name != idle)
-    return model, findings
+        context.on_progress(f"dropped {idle.name}: its influence does not differ from none")
+        model = _without_effect(context, model, idle.name)
+        findings = tuple(one for one in findings if one is not idle)
+        if idle.unknown is not None:
+            listed.append(terms[idle.term])
+    return model, findings, tuple(listed)
 
 
-def _latest_idle(context: Context, model: FittedModel, findings: Sequence[ReportedTerm]) -> str:
-    """The latest finding of the catalogue of which every amplitude's interval includes no change, or nothing."""
+def _latest_idle(context: Context, model: FittedModel, findings: Sequence[ReportedTerm]) -> ReportedTerm | None:
+    """The latest finding without an influence that differs from none, or nothing."""
     ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
-    of_catalogue = [one.name for one in reversed(findings) if one.unknown is None and one.interval is None]
-    initial = context.initial_effects
-    return next((name for name in of_catalogue if _is_unchanged(model, name, ci95.get(name, {}), initial)), "")
+    testable = [one for one in reversed(findings) if one.interval is None and not one.is_shared]
+    is_idle = (
+        one for one in testable
+        if _is_unchanged(model, one.name, ci95.get(one.name, {}), context.initial_effects)
+        or (one.unknown is not None and _gain_of(model, one.name) < context.settings.selection.least_follower)
+    )  # fmt: skip
+    return next(is_idle, None)
+
+
+def _gain_of(model: FittedModel, name: str) -> float:
+    """Log-likelihood that the model loses without an effect, nothing else changed."""
+    effects, loss = model.fitted.effects, model.fitter.loss(model.fitted.estimate)
+    return loss(tuple(effect for effect in effects if effect.name != name)) - loss(effects)
 
 
 def _without_effect(context: Context, model: FittedModel, name: str) -> FittedModel:

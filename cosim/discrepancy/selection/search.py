@@ -68,7 +68,8 @@ def select_terms(
             rejected |= _same_effects(chosen, candidates)
             continue
         before, (model, result) = model, chosen
-        on_progress(f"added {result.group.name}: gain {result.gain:.1f}, p {result.p_value:.4f}")
+        term = model.terms[-1]
+        on_progress(f"added {term.group.name}: gain {term.exact_gain:.1f}, p {term.p_value:.4f}")
         model = drop_superfluous(model, initial, settings, rejected, on_progress)
         if not result.group.is_shared:
             model = retrace(model)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cosim.discrepancy.analysis import context_of, trace_and_fit
 from cosim.discrepancy.data.checks import opened
+from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.missing import ReportedTerm, drop_insignificant
-from cosim.discrepancy.selection.refit import FittedModel
+from cosim.discrepancy.selection.refit import FittedModel, Term
+from cosim.discrepancy.unknown.curve import Curve
+from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.unknown.effect_class import effect_of
 from sensors.effects.points.range_bias import RangeBias
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.points.range_walk import RangeWalk
@@ -27,7 +32,23 @@ def test_of_two_findings_that_compensate_each_other_the_first_stays(tmp_path: Pa
     both = (*context.initial_effects, RangeBias(offset_m=BIAS_M), RangeWalk(amplitude_m=0.01, decay=0.2))
     on = trace_and_fit(context, context.split.fit, both, (1, 2))
     found = [ReportedTerm(name, 0.001) for name in ("range_bias", "range_walk")]
-    model, left = drop_insignificant(context, FittedModel(on.frames, on.fitter, on.fitted, (1, 2)), found)
+    model, left, _ = drop_insignificant(context, FittedModel(on.frames, on.fitter, on.fitted, (1, 2)), found)
     assert [one.name for one in left] == ["range_bias"]
     assert [effect.name for effect in model.fitted.effects] == ["range_noise", "range_bias"] and model.free == (1,)
     assert model.fitted.effects[1].model_dump()["offset_m"] == pytest.approx(BIAS_M, abs=0.003)
+
+
+def test_a_plug_in_whose_interval_includes_no_change_is_listed_instead(tmp_path: Path) -> None:
+    """Its formula does not describe the dependence that was selected."""
+    yard = make_yard(tmp_path, (RangeNoise(sigma_m=0.01, sigma_per_m=0.0),), known=(NOISE,), frames=4)
+    context = context_of(opened(yard.drive), yard.sensor)
+    ring = tuple(str(number) for number in range(16))
+    errors_m = np.random.default_rng(0).choice([-0.002, 0.002], 16)
+    unknown = UnknownEffect.of(Curve("range", ("ring",), ("",), (ring,), errors_m, np.full(16, 0.001)))
+    on = trace_and_fit(context, context.split.fit, (*context.initial_effects, effect_of(unknown)), (1,))
+    term = Term(Group("range by ring", "range", ("ring",), 16), 0.001, 20.0, 20.0)
+    model = FittedModel(on.frames, on.fitter, on.fitted, (1,), terms=(term,))
+    found = [ReportedTerm(unknown.name, 0.001, unknown=unknown, term="range by ring")]
+    model, left, listed = drop_insignificant(context, model, found)
+    assert not left and listed == (term,)
+    assert [effect.name for effect in model.fitted.effects] == ["range_noise"]
