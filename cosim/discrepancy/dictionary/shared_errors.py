@@ -14,6 +14,7 @@ import numpy as np
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES
+from cosim.discrepancy.sampling.sample import Sample
 from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
 _WIDEST = 0.999  # quantile of scores to which larger ones are clipped
@@ -34,14 +35,13 @@ class SharedError:
     weighted: float
 
 
-def shared_errors(linearisation: Linearisation, track: np.ndarray) -> list[SharedError]:
+def shared_errors(linearisation: Linearisation) -> list[SharedError]:
     """Build the groups of all shared errors.
 
     Not tested: angles shared by a scan, a block or a ring in it, which are errors of poses.
 
     Args:
         linearisation: linearised model.
-        track: (n,) int object track or map cell of each beam.
     """
     sample, found = linearisation.sample, []
     usable = sample.clear & sample.first
@@ -58,7 +58,7 @@ def shared_errors(linearisation: Linearisation, track: np.ndarray) -> list[Share
         for name, unit in unit_codes(linearisation).items():
             if channel in ANGLES and (name in ("block", "ring") or (name == "scan" and has_poses)):
                 continue
-            found.append(_shared_error(channel, name, unit, track, score, information, sample.share))
+            found.append(_shared_error(channel, name, unit, sample, score, information))
     return found
 
 
@@ -78,16 +78,16 @@ def unit_codes(linearisation: Linearisation) -> dict[str, np.ndarray]:
     return codes
 
 
-def common_information(first: SharedError, second: SharedError, information: np.ndarray, track: np.ndarray) -> float:
+def common_information(first: SharedError, second: SharedError, information: np.ndarray, sample: Sample) -> float:
     """Information common to the variances of two units: from the pairs of beams that are in both.
 
     Args:
         first, second: shared errors of the same channel.
         information: (n,) information of that channel.
-        track: track of each beam, as in `shared_errors`.
+        sample: the beams.
     """
     both = np.unique(_combine_codes(first.unit, second.unit), return_inverse=True)[1]
-    own = np.unique(_combine_codes(both, track), return_inverse=True)[1]
+    own = np.unique(_combine_codes(both, sample.track), return_inverse=True)[1]
     squares = (np.bincount(both, information) ** 2).sum() - (np.bincount(own, information) ** 2).sum()
     return 0.5 * float(squares)
 
@@ -96,18 +96,17 @@ def _shared_error(
     channel: str,
     name: str,
     unit: np.ndarray,
-    track: np.ndarray,
+    sample: Sample,
     score: np.ndarray,
     information: np.ndarray,
-    share: np.ndarray,
 ) -> SharedError:
     unit = np.unique(unit, return_inverse=True)[1]
-    own = np.unique(_combine_codes(unit, track), return_inverse=True)[1]
+    own = np.unique(_combine_codes(unit, sample.track), return_inverse=True)[1]
 
     def others(values: np.ndarray) -> np.ndarray:
         return np.bincount(unit, values)[unit] - np.bincount(own, values)[own]
 
-    variance = information * share
+    variance = information * sample.share
     group = Group(
         f"shared_{channel} by {name}",
         f"shared_{channel}",

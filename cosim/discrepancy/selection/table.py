@@ -149,8 +149,7 @@ def score_shared(
         selected: names of the groups that were selected.
         projector: for the clusters.
     """
-    entries, track = [], projector.clusters[TRACK]
-    sample = linearisation.sample
+    entries, sample = [], linearisation.sample
     for one in shared:
         if one.group.name in selected:
             continue
@@ -164,7 +163,7 @@ def score_shared(
             cluster_information = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
             other_score, other_information = _direct_scores(other.group)
             common, own = (
-                common_information(one, other, cluster_information, track),
+                common_information(one, other, cluster_information, sample),
                 max(float(other_information.sum()), 1e-300),
             )
             score = score - common / own * other_score

@@ -30,6 +30,7 @@ class _Sample:
     firing: np.ndarray
     ring: np.ndarray
     block: np.ndarray
+    track: np.ndarray
     share: np.ndarray
     clear: np.ndarray
     first: np.ndarray
@@ -58,7 +59,15 @@ def linearised(
     n, tracks = len(beams), int(beams.track.max()) + 1
     ones, zero = np.ones(n), np.zeros(n, int)
     sample = _Sample(
-        beams.azimuth, beams.scan, beams.firing, zero, zero, beams.share, np.ones(n, bool), np.ones(n, bool)
+        beams.azimuth,
+        beams.scan,
+        beams.firing,
+        zero,
+        zero,
+        beams.track,
+        beams.share,
+        np.ones(n, bool),
+        np.ones(n, bool),
     )
     evidence = Evidence(
         {name: of.score for name, of in scores.items()},  # type: ignore[arg-type]
