@@ -199,7 +199,7 @@ def _latest_idle(context: Context, model: FittedModel, findings: Sequence[Report
 
 
 def _gain_of(model: FittedModel, name: str) -> float:
-    """Log-likelihood that the model loses without an effect, nothing else changed."""
+    """Log-likelihood that the model loses without an effect, if all others keep their parameters."""
     effects, loss = model.fitted.effects, model.fitter.loss(model.fitted.estimate)
     return loss(tuple(effect for effect in effects if effect.name != name)) - loss(effects)
 

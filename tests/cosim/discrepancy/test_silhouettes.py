@@ -164,7 +164,7 @@ def test_mixture_weights_maximise_the_likelihood() -> None:
         assert loglik(share) > max(loglik(share + way), loglik(share - way))
 
 
-def test_mixture_weights_are_found_where_hardly_any_beam_hits_a_known_surface() -> None:
+def test_mixture_weights_converge_at_the_limit_of_their_sum() -> None:
     """The maximum is at the limit of the sum of the weights, from which one of two similar components is far."""
     rng, weight = np.random.default_rng(0), np.full(400, 2.0)
     near = rng.uniform(2, 5, 400)
