@@ -215,6 +215,8 @@ def unknown_words(unknown: UnknownEffect) -> str:
     rows = table_words(unknown)
     if rows:
         return f"{channel} depends on {on}: {rows}"
+    if unknown.is_constant:
+        return f"{channel} differs by {unknown.form}{f' {curve.unit}' if curve.unit else ''}, regardless of {on}"
     details = "; ".join(filter(None, (f"in {curve.unit}" if curve.unit else "", unknown.variables)))
     variables = f" ({details})" if details else ""
     return f"{channel} depends on {on} as {unknown.form}{variables}"

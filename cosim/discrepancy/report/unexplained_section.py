@@ -77,6 +77,7 @@ def unknown_section(diagnosis: Diagnosis) -> str:
 def _unknown(unknown: UnknownEffect, change: str) -> str:
     curve = unknown.curve
     fit = fill("<p>The formula explains {:.1%} of the curve.</p>", unknown.r2) if unknown.terms else ""
+    fit = fill("<p>The curve does not differ from a constant.</p>") if unknown.is_constant else fit
     parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
     parameters = fill("<p>Fitted together with everything else: {}.</p>", parameters) if parameters else ""
     law = table_words(unknown) or unknown.form

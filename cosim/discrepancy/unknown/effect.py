@@ -141,6 +141,11 @@ class UnknownEffect:
         return f"{parts[0]}; a period of {others} fits equally well at this frame rate" if others else parts[0]
 
     @property
+    def is_constant(self) -> bool:
+        """Whether no value of the covariate differs significantly from the others."""
+        return all(isinstance(term, Formula) and term.family == "constant" for term in self.terms) and bool(self.terms)
+
+    @property
     def shared_by(self) -> str:
         """The unit of a shared error in words."""
         unit = self.curve.covariates[0]

@@ -128,7 +128,7 @@ def best_formula(
     for family, members in _members(x, period, grid):
         shapes = np.stack([family.function(x, **member) for member in members])
         between = np.stack([family.function(positions, **member) for member in members])
-        for is_levelled in (False, True):
+        for is_levelled in (False, True) if family.name != "constant" else (False,):
             rest = _residual(shapes, between, y, weight, is_levelled)
             row = int(np.argmin(rest))
             values = {**members[row], "level": 0.0} if is_levelled else members[row]
@@ -173,6 +173,7 @@ def _members(x: np.ndarray, period: float, grid: FormulaGrid) -> Iterator[tuple[
     span = max(high - low, 1e-12)
     inner = np.linspace(low, high, grid.edges + 2)[1:-1].tolist()
     is_far = abs(low) > 10 * span
+    yield FAMILIES["constant"], [{}]
     yield FAMILIES["ramp" if is_far else "linear"], [{"start": low}] if is_far else [{}]
     phases = np.linspace(0, np.pi, grid.phases + 1)[:-1].tolist()
     if period:

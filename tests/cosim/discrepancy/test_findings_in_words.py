@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cosim.discrepancy.diagnosis import headline
@@ -12,7 +13,9 @@ from cosim.discrepancy.quantities import group_words
 from cosim.discrepancy.report import format_diagnosis
 from cosim.discrepancy.settings import Settings
 from cosim.discrepancy.unexplained import Unexplained
-from cosim.discrepancy.words import Vocabulary, implausible_spreads, source_words
+from cosim.discrepancy.unknown.curve import Curve
+from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.words import Vocabulary, implausible_spreads, source_words, unknown_words
 from cosim.report import write_page
 from sensors.effects.confusions import CONFUSIONS, separations
 from sensors.effects.registry import effect_classes, find_effect
@@ -145,6 +148,14 @@ def test_hypotheses_have_names_in_words() -> None:
         group_words("drop by range x incidence") == "probability of a return by predicted range and angle of incidence"
     )
     assert group_words("shared_range by block") == "range error shared by each block of lasers in a scan"
+
+
+def test_a_constant_curve_is_no_dependence() -> None:
+    time_s = np.linspace(74, 90, 5)
+    curve = Curve(
+        "range", ("frame_time",), ("s",), (time_s,), np.array([0.053, 0.046, 0.041, 0.048, 0.047]), np.full(5, 0.01)
+    )
+    assert unknown_words(UnknownEffect.of(curve)) == "range differs by 0.047 m, regardless of time of the frame"
 
 
 def test_the_line_of_a_diagnosis() -> None:

@@ -228,3 +228,11 @@ def test_no_formula_is_far_larger_between_the_bins_than_in_them() -> None:
     formula = best_formula(x, y, np.full(len(x), 1e-3))
     assert np.abs(formula.evaluate(np.linspace(0.07, 0.5, 1000))).max() < 0.5
     assert formula.r2 > 0.9
+
+
+def test_a_curve_that_does_not_change_is_a_constant() -> None:
+    """A logarithm of the time of day is nearly constant, too, but explains no more."""
+    x = np.linspace(74.0, 90.0, 5)
+    formula = best_formula(x, np.array([0.53, 0.46, 0.41, 0.48, 0.47]), np.full(5, 0.08))
+    assert formula.family == "constant"
+    assert formula.evaluate(x) == pytest.approx(0.47, abs=0.02)
