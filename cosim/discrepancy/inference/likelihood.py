@@ -230,7 +230,7 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
-    for edge_class in range(int(sample.edge_class.max()) + 1):
+    for edge_class in range(int(sample.edge_class.max(initial=-1)) + 1):
         rows = np.flatnonzero(sample.edge_class == edge_class)
         near = rows[sample.first[rows]]
         if not len(near):

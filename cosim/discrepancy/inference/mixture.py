@@ -40,13 +40,12 @@ def mixture_weights(
         gradient, information = ratio @ weight - total, (ratio * weight) @ ratio.T
         step = _best_share(gradient, information, share) - share
         expected_gain = gradient @ step
-        if expected_gain < _NEGLIGIBLE_GAIN:
+        if not expected_gain > _NEGLIGIBLE_GAIN:
             break
-        while True:
-            there = (share + step) @ likelihood
-            if weight @ np.log(there / density) >= 0 or expected_gain < _NEGLIGIBLE_GAIN:
-                break
+        there = (share + step) @ likelihood
+        while weight @ np.log(there / density) < 0 and expected_gain > _NEGLIGIBLE_GAIN:
             step, expected_gain = step / 2, expected_gain / 2
+            there = (share + step) @ likelihood
         share, density = share + step, there
     return above * share[1:] / share.sum() + least
 
