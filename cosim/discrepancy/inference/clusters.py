@@ -29,11 +29,12 @@ class Clusters:
     @property
     def counts(self) -> tuple[int, int]:
         """Number of clusters by track and by part of a scan, those of `of_random_effects` included."""
-        tracks, parts, scans = self._sizes
+        tracks, parts, scans = self.sizes
         return tracks + scans, parts + scans + tracks
 
     @property
-    def _sizes(self) -> tuple[int, ...]:
+    def sizes(self) -> tuple[int, ...]:
+        """Number of clusters of beams by track, by part of a scan, and by scan."""
         return tuple(int(of.max(initial=-1)) + 1 for of in (self.track, self.part, self.scan))
 
     def of_random_effects(self) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +42,7 @@ class Clusters:
 
         Errors of poses are additional clusters among the tracks; errors of objects and of the map, among the parts.
         """
-        tracks, parts, scans = self._sizes
+        tracks, parts, scans = self.sizes
         is_of_track = self.unit_track >= 0
         by_track = np.where(is_of_track, self.unit_track, tracks + self.unit_scan)
         by_part = np.where(is_of_track, parts + scans + self.unit_track, parts + self.unit_scan)

@@ -67,7 +67,7 @@ class Projector:
         self._model, self._evidence, self._share, self._least_left = model, model.evidence, share, least_left
         self._estimate = estimate
         self.clusters = (clusters.track, clusters.part)
-        self._counts = tuple(int(cluster.max(initial=-1)) + 1 for cluster in self.clusters)
+        self._counts = clusters.sizes[:2]
         self._of_fitted = [self._fitted_scores(*of) for of in zip(self.clusters, self._counts, strict=True)]
         prior = estimate.u[model.used] * model.precision
         track, part = (unit[model.used] for unit in clusters.of_random_effects())

@@ -69,16 +69,16 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
     rng, by = np.random.default_rng([seed, len(model.terms)]), settings.selection
     linearisation = linearise(model.fitter, model.fitted, model.frames)
     dictionary = build_dictionary(linearisation, effects, settings, rng)
-    projectors, of_scans = _projectors(linearisation, by.sectors), _projectors(linearisation, 1)
-    projector = projectors["range"]
+    projectors = _projectors(linearisation, by.sectors)
     kept = first_pass(linearisation, dictionary, projectors, settings)
+    of_scans = _projectors(linearisation, 1) if any(group.is_of_scan for group in kept) else projectors
     entries: list[Entry] = []
     for family in projectors:
         for is_of_scan, own in ((False, projectors[family]), (True, of_scans[family])):
             groups = [group for group in kept if group.family == family and group.is_of_scan == is_of_scan]
             entries += score_groups(linearisation, groups, own, by)
     shared = shared_errors(linearisation)
-    entries += score_shared(linearisation, shared, model.shared, projector)
+    entries += score_shared(linearisation, shared, model.shared, projectors["range"])
     tested = dictionary.tested + len(shared)
     results = evaluate(entries, by, rng, max(tested / max(len(entries), 1), 1.0))
     return SelectionEvidence(linearisation, dictionary, results)
