@@ -134,7 +134,7 @@ class FramePairs:
 class Aligned:
     """Frames under one model, scored with the random effects of chosen sources removed.
 
-    Frames are scored one after another, so that memory does not grow with their number.
+    Frames are scored one after another; only the ensemble of each, about 4 MB, is kept.
 
     Args:
         context: context of the analysis.
@@ -174,6 +174,7 @@ class Aligned:
         self._totals: dict[Removed, list[Totals]] = {}
         self._floor: list[dict[str, tuple[float, int]]] = []
         self._last: _Scan | None = None
+        self._ensembles: dict[int, tuple[Ensemble, np.ndarray | None]] = {}
 
     def __len__(self) -> int:
         return len(self._frames)
@@ -208,17 +209,28 @@ class Aligned:
     def measure(self, several: Sequence[Removed]) -> None:
         """Compute the errors with several sets of sources removed, in one pass over the frames."""
         missing = [removed for removed in several if removed not in self._totals]
+        by_changes: dict[Removed, list[Removed]] = {}
+        for removed in missing:
+            by_changes.setdefault(self._changes(removed), []).append(removed)
         totals = {removed: list[Totals]() for removed in missing}
         for scan in self._scans() if missing else ():
-            for removed in missing:
-                scores = scan.scores(removed)
-                totals[removed].append(Totals.of(scan.frame, scores))
-                if removed == ALIGNED:
-                    expected = scan.expected(removed)
+            for changes, same in by_changes.items():
+                scores = scan.scores(changes)
+                total = Totals.of(scan.frame, scores)
+                for removed in same:
+                    totals[removed].append(total)
+                if ALIGNED in same:
+                    expected = scan.expected(changes)
                     self._floor.append(
                         estimate_floor(NeighbourPairs.of(scan.frame, scores, expected), scores, expected)
                     )
         self._totals |= totals
+
+    def _changes(self, removed: Removed) -> Removed:
+        """The part of a removal that changes predictions: random effects that are not 0, edges with a tolerance."""
+        u = self._estimate.u
+        parts = tuple(part for part in removed.parts if np.any(u[self._random.of_part((part,))]))
+        return Removed(parts, removed.uncertain_edges and any(self._tolerance))
 
     def floor(self) -> float | None:
         """Noise floor: error of a model that is correct up to noise; None if it cannot be estimated."""
@@ -247,7 +259,10 @@ class Aligned:
         """One frame; the last one requested is kept, because before and after are often the same."""
         if self._last is None or self._last.number != number:
             frame = self._frames[number]
-            members = Ensemble.of(frame, self._effects, model_chance(0, number), self._origin)
+            if number not in self._ensembles:  # about 4 MB each
+                members = Ensemble.of(frame, self._effects, model_chance(0, number), self._origin)
+                self._ensembles[number] = members, self._ambiguous(frame, members) if any(self._tolerance) else None
+            members, wide = self._ensembles[number]
             self._last = _Scan(
                 number=number,
                 frame=frame,
@@ -255,7 +270,7 @@ class Aligned:
                 members=members,
                 random=self._random,
                 estimate=self._estimate,
-                wide=self._ambiguous(frame, members) if any(self._tolerance) else None,
+                wide=wide,
                 factors=None if self._factors is None else self._factors[number],
             )
         return self._last

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -32,6 +31,7 @@ from sensors.effects.expectation import expect
 from sensors.sensor_model import SensorModel, load_sensor
 
 _RANGES_M = (0, 10, 20, 30, 45, 60, 80, 1000)
+_REACHES = len(_RANGES_M) - 1
 _RING_BAND, _BANDS = 16, 4
 _FEWEST = 300
 _SHOWN = 12
@@ -70,22 +70,21 @@ class Slice:
 
 
 class SliceTally:
-    """Sums residuals by slice, frame after frame."""
+    """Sums of residuals by slice over frames."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()
         self._rings = 0
-        self._sums: dict[str, dict[tuple[int, int, int], np.ndarray]] = {
-            channel: defaultdict(lambda: np.zeros(4)) for channel in ("range", "intensity", "drop")
-        }
+        # for each material, band of rings and band of ranges: count, sums of residuals, of their squares and of scores
+        self._sums: dict[str, np.ndarray] = {channel: np.zeros((0, 4)) for channel in ("range", "intensity", "drop")}
 
     def add(self, frame: TracedFrame, scores: FrameScores) -> None:
         """Add a frame."""
         solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
         self._names, self._rings = frame.shot.hits.table.names, frame.shot.pattern.rings
         band = np.minimum(ring // _RING_BAND, _BANDS - 1)
-        reach = np.searchsorted(_RANGES_M, np.nan_to_num(solid.range_m, posinf=999.0), side="right") - 1
-        key = (solid.material.astype(int) * _BANDS + band) * 8 + reach
+        reach = np.searchsorted(_RANGES_M[1:], np.nan_to_num(solid.range_m, posinf=999.0), side="right")
+        key = (solid.material.astype(int) * _BANDS + band) * _REACHES + reach
         residual = scores.measured_m - scores.range_m
         bright = scores.measured_intensity - scores.intensity
         outcome = (~np.isnan(scores.measured_m)).astype(float) - scores.expected
@@ -96,31 +95,31 @@ class SliceTally:
             ("intensity", lit, bright, scores.intensity_score),
             ("drop", clear, outcome, scores.brier),
         ):
-            used = np.flatnonzero(rows)
-            keys, index = np.unique(key[used], return_inverse=True)
-            own, cost = values[used].astype(np.float64), score[used].astype(np.float64)
-            columns = (np.bincount(index, w) for w in (np.ones(len(used)), own, own**2, np.nan_to_num(cost)))
-            for row, code in zip(np.stack(list(columns), 1), keys.tolist(), strict=True):
-                self._sums[channel][(code // 8 // _BANDS, code // 8 % _BANDS, code % 8)] += row
+            keys, own = key[rows], values[rows].astype(np.float64)
+            columns = (None, own, own**2, np.nan_to_num(score[rows].astype(np.float64)))
+            size = len(self._names) * _BANDS * _REACHES
+            sums = np.stack([np.bincount(keys, column, size) for column in columns], 1, dtype=float)
+            sums[: len(self._sums[channel])] += self._sums[channel]
+            self._sums[channel] = sums
 
     def worst(self) -> tuple[Slice, ...]:
         """Slices with a significant bias, by their share of the error."""
         found = []
         for channel, sums in self._sums.items():
-            total = sum(row[3] for row in sums.values()) or 1.0
-            weight = sum(row[0] for row in sums.values()) or 1.0
-            for key, (count, one, two, cost) in sums.items():
-                if count >= _FEWEST:
-                    bias = one / count
-                    spread = float(np.sqrt(max(two / count - bias**2, 0)))
-                    share = cost / total
-                    weighted = abs(bias) / SCALES[channel] * count / weight
-                    found.append((weighted, Slice(self._words(key), channel, int(count), bias, spread, share)))
+            weight, _, _, total = sums.sum(0) if len(sums) else np.zeros(4)
+            for key in np.flatnonzero(sums[:, 0] >= _FEWEST).tolist():
+                count, one, two, cost = sums[key].tolist()
+                bias = one / count
+                spread = float(np.sqrt(max(two / count - bias**2, 0)))
+                weighted = abs(bias) / SCALES[channel] * count / weight
+                found.append(
+                    (weighted, Slice(self._words(key), channel, int(count), bias, spread, cost / (total or 1.0)))
+                )
         found.sort(key=lambda row: -row[0])
         return tuple(one for _, one in found[:_SHOWN])
 
-    def _words(self, key: tuple[int, int, int]) -> str:
-        material, band, reach = key
+    def _words(self, key: int) -> str:
+        material, band, reach = np.unravel_index(key, (len(self._names), _BANDS, _REACHES))
         name = self._names[material].replace("_", " ")
         low, high = _RANGES_M[reach], _RANGES_M[reach + 1]
         far = f"beyond {low} m" if high == _RANGES_M[-1] else f"at {low}–{high} m"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.inference.score import SparseMatrix
 from cosim.discrepancy.sampling.gathering import BESIDE
 from cosim.discrepancy.sampling.sample import Prediction, Sample
+from sensors.hits import STATIC
 
 SCAN_COVARIATES = ("frame_time", "speed", "acceleration", "yaw_rate")
 _TURN = 2 * np.pi
@@ -152,33 +154,43 @@ def categories(name: str, codes: np.ndarray, names: tuple[str, ...], fewest: int
     return SampleCovariate(name, "", codes.astype(float), index, used.astype(float), labels)
 
 
-def sample_covariates(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> list[SampleCovariate]:
-    """All covariates of a sample, in the coarse bins of the screening."""
+def sample_covariates(
+    sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...], names: Collection[str] | None = None
+) -> list[SampleCovariate]:
+    """Covariates of a sample, in the coarse bins of the screening; only those of some `names`, or all."""
     by = sample.settings.dictionary
     found: list[SampleCovariate | None] = []
-    for name, (unit, values, period) in _numbers(sample, expected, frames).items():
+
+    def is_wanted(name: str) -> bool:
+        return names is None or name in names
+
+    beside = _of_neighbours(sample)
+    for name, quantity in _numbers(sample, expected, frames).items():
+        if not is_wanted(name):
+            continue
         bins = max(len(sample.names) // by.scans_in_bin, 2) if name in SCAN_COVARIATES else by.bins
         fewest = by.fewest_values if name not in ("retro_distance", "object_distance") else 2
-        covariate = numeric(name, unit, values, bins, period, fewest=fewest)
+        covariate = numeric(name, quantity.unit, quantity.values(), bins, quantity.period, fewest=fewest)
         if covariate is not None:
-            covariate = replace(
-                covariate, is_of_scan=name in SCAN_COVARIATES, is_of_neighbour=name in _of_neighbours(sample)
-            )
+            covariate = replace(covariate, is_of_scan=name in SCAN_COVARIATES, is_of_neighbour=name in beside)
         found.append(covariate)
-    beside = [name for name in _of_neighbours(sample) if name.endswith("_lost")]
     on_something = sample.instance >= -1
-    found += [
-        categories("ring", sample.ring, tuple(map(str, range(int(sample.ring.max(initial=0)) + 1)))),
-        categories("block", sample.block, ("upper", "lower")),
-        categories("material", np.where(on_something, sample.material, -1), MATERIAL_NAMES),
-        categories("kind", np.where(sample.kind > 0, sample.kind, -1), sample.kinds, fewest=1),
-        categories("model", np.where(sample.kind > 0, sample.model, -1), sample.models),
-        categories("edge", sample.edge.astype(int), ("clear", "edge")),
-    ]
+    rings = tuple(map(str, range(int(sample.ring.max(initial=0)) + 1)))
+    for name, codes, labels, fewest in (
+        ("ring", sample.ring, rings, 2),
+        ("block", sample.block, ("upper", "lower"), 2),
+        ("material", np.where(on_something, sample.material, -1), MATERIAL_NAMES, 2),
+        ("kind", np.where(sample.kind > 0, sample.kind, -1), sample.kinds, 1),
+        ("model", np.where(sample.kind > 0, sample.model, -1), sample.models, 2),
+        ("edge", sample.edge.astype(int), ("clear", "edge"), 2),
+    ):
+        if is_wanted(name):
+            found.append(categories(name, codes, labels, fewest))
     for name in beside:
-        is_lost = np.where(sample.edge, -1, sample.neighbour_values[name].astype(int))
-        covariate = categories(name, is_lost, ("seen", "lost"))
-        found.append(None if covariate is None else replace(covariate, is_of_neighbour=True))
+        if name.endswith("_lost") and is_wanted(name):
+            is_lost = np.where(sample.edge, -1, sample.neighbour_values[name].astype(int))
+            covariate = categories(name, is_lost, ("seen", "lost"))
+            found.append(None if covariate is None else replace(covariate, is_of_neighbour=True))
     return [covariate for covariate in found if covariate is not None]
 
 
@@ -209,42 +221,48 @@ def refined(covariate: SampleCovariate, sample: Sample) -> SampleCovariate:
     return replace(fine, is_of_scan=covariate.is_of_scan, is_of_neighbour=covariate.is_of_neighbour)
 
 
-def _numbers(
-    sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]
-) -> dict[str, tuple[str, np.ndarray, float]]:
-    """Unit, values (n,) and period of every numeric covariate."""
+@dataclass(frozen=True)
+class _Quantity:
+    """A numeric covariate that is computed where it is used: unit, (n,) values, and period of a cyclic one."""
+
+    unit: str
+    values: Callable[[], np.ndarray]
+    period: float = 0.0
+
+
+def _numbers(sample: Sample, expected: Prediction, frames: tuple[TracedFrame, ...]) -> dict[str, _Quantity]:
+    """Every numeric covariate."""
     scan, by = sample.scan_values, sample.settings.dictionary
     nothing = sample.range_m * np.nan
 
-    def of_scan(name: str, step: float) -> np.ndarray:
-        return np.round(scan[name] / step)[sample.frame] * step
+    def of_scan(unit: str, name: str, step: float) -> _Quantity:
+        return _Quantity(unit, lambda: np.round(scan[name] / step)[sample.frame] * step)
 
-    world, from_objects, from_reflectors = _surroundings(sample, frames)
+    def of_neighbour(name: str) -> _Quantity:
+        unit = "m" if name.endswith("_range") else ""
+        return _Quantity(unit, lambda: np.where(sample.edge, nothing, sample.neighbour_values[name]))
+
     numbers = {
-        "range": ("m", sample.range_m, 0.0),
-        "incidence": ("deg", np.degrees(np.arccos(np.clip(sample.cos_incidence, 0, 1))), 0.0),
-        "elevation": ("deg", sample.elevation_deg, 0.0),
-        "azimuth": ("rad", sample.azimuth, _TURN),
-        "frame_time": ("s", scan["time_s"][sample.frame], 0.0),
-        "albedo": ("", sample.reflectance, 0.0),
-        "intensity": ("", expected.intensity, 0.0),
-        "speed": ("m/s", of_scan("speed_mps", by.speed), 0.0),
-        "acceleration": ("m/s²", of_scan("acceleration_mps2", by.acceleration), 0.0),
-        "yaw_rate": ("rad/s", of_scan("yaw_rate_radps", by.yaw_rate), 0.0),
-        "retro_distance": ("firings", from_reflectors, 0.0),
-        "object_distance": ("m", from_objects, 0.0),
+        "range": _Quantity("m", lambda: sample.range_m),
+        "incidence": _Quantity("deg", lambda: np.degrees(np.arccos(np.clip(sample.cos_incidence, 0, 1)))),
+        "elevation": _Quantity("deg", lambda: sample.elevation_deg),
+        "azimuth": _Quantity("rad", lambda: sample.azimuth, _TURN),
+        "frame_time": _Quantity("s", lambda: scan["time_s"][sample.frame]),
+        "albedo": _Quantity("", lambda: sample.reflectance),
+        "intensity": _Quantity("", lambda: expected.intensity),
+        "speed": of_scan("m/s", "speed_mps", by.speed),
+        "acceleration": of_scan("m/s²", "acceleration_mps2", by.acceleration),
+        "yaw_rate": of_scan("rad/s", "yaw_rate_radps", by.yaw_rate),
+        "retro_distance": _Quantity("firings", lambda: _firings_to_reflectors(sample, frames)),
+        "object_distance": _Quantity("m", lambda: _distance_to_objects(sample, frames)),
     }
-    firing = np.where(np.isfinite(sample.range_m), sample.time_s, nothing)
     if abs(np.corrcoef(sample.azimuth, sample.time_s)[0, 1]) < _SAME_AZIMUTH:
-        numbers["firing_time"] = ("s", firing, 0.0)
+        numbers["firing_time"] = _Quantity("s", lambda: np.where(np.isfinite(sample.range_m), sample.time_s, nothing))
     if not sample.own_axes:  # the scans are in a common world frame
-        numbers |= {"world_x": ("m", sample.place[:, 0], 0.0), "world_y": ("m", sample.place[:, 1], 0.0)}
-        numbers["world_azimuth"] = ("rad", world, _TURN)
-    for name in _of_neighbours(sample):
-        if not name.endswith("_lost"):
-            values = np.where(sample.edge, nothing, sample.neighbour_values[name])
-            numbers[name] = ("m" if name.endswith("_range") else "", values, 0.0)
-    return numbers
+        numbers["world_x"] = _Quantity("m", lambda: sample.place[:, 0])
+        numbers["world_y"] = _Quantity("m", lambda: sample.place[:, 1])
+        numbers["world_azimuth"] = _Quantity("rad", lambda: _world_azimuth(sample, frames), _TURN)
+    return numbers | {name: of_neighbour(name) for name in _of_neighbours(sample) if not name.endswith("_lost")}
 
 
 def _of_neighbours(sample: Sample) -> tuple[str, ...]:
@@ -262,31 +280,42 @@ def _of_neighbours(sample: Sample) -> tuple[str, ...]:
     return tuple(name for name in BESIDE if not uncertain[name.partition("_")[2]])
 
 
-def _surroundings(sample: Sample, frames: tuple[TracedFrame, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Azimuth in the world [rad], distance of static hits from the nearest object [m], and from a reflector [firings].
+def _world_azimuth(sample: Sample, frames: tuple[TracedFrame, ...]) -> np.ndarray:
+    """Azimuth (n,) [rad] of the beams in the world."""
+    azimuth = np.zeros(len(sample))
+    for number, frame in enumerate(frames):
+        rows = sample.frame == number
+        direction = frame.shot.rays.direction[sample.beam[rows]] @ frame.shot.hits.pose[:3, :3].T
+        azimuth[rows] = np.arctan2(direction[:, 1], direction[:, 0])
+    return azimuth
 
-    Each (n,); NaN where there is none within reach.
-    """
-    world, from_objects = np.zeros(len(sample)), np.full(len(sample), np.nan)
-    from_reflectors = np.full(len(sample), np.nan)
+
+def _distance_to_objects(sample: Sample, frames: tuple[TracedFrame, ...]) -> np.ndarray:
+    """Distance (n,) [m] of static hits from the nearest object in the ground plan; NaN where none is within reach."""
+    distance_m = np.full(len(sample), np.nan)
     by = sample.settings.dictionary
     for number, frame in enumerate(frames):
-        rows = np.flatnonzero(sample.frame == number)
-        beam, pose = sample.beam[rows], frame.shot.hits.pose
-        direction = frame.shot.rays.direction[beam] @ pose[:3, :3].T
-        world[rows] = np.arctan2(direction[:, 1], direction[:, 0])
+        rows = np.flatnonzero((sample.frame == number) & (sample.instance == STATIC))
         position, nearest = sample.place[rows], np.full(len(rows), np.inf)
-        for box, size in zip(frame.instances.poses, frame.instances.sizes, strict=True):
-            if np.linalg.norm(box[:2, 3] - pose[:2, 3]) < by.object_reach_m:
-                outside = np.abs((position - box[:3, 3]) @ box[:3, :2]) - size[:2] / 2
-                nearest = np.minimum(nearest, np.hypot(*np.maximum(outside, 0).T))
-        nearest = np.where(np.isfinite(nearest), np.minimum(nearest, by.object_far_m), np.nan)
-        from_objects[rows] = np.where(sample.instance[rows] == -1, nearest, np.nan)
+        poses, ego = frame.instances.poses, frame.shot.hits.pose[:2, 3]
+        for near in np.flatnonzero(np.linalg.norm(poses[:, :2, 3] - ego, axis=1) < by.object_reach_m).tolist():
+            pose, size = poses[near], frame.instances.sizes[near]
+            outside = np.abs((position - pose[:3, 3]) @ pose[:3, :2]) - size[:2] / 2
+            nearest = np.minimum(nearest, np.hypot(*np.maximum(outside, 0).T))
+        distance_m[rows] = np.where(np.isfinite(nearest), np.minimum(nearest, by.object_far_m), np.nan)
+    return distance_m
+
+
+def _firings_to_reflectors(sample: Sample, frames: tuple[TracedFrame, ...]) -> np.ndarray:
+    """Firings (n,) to the nearest beam of the ring that hits a reflector, rounded to powers of 2."""
+    firings = np.full(len(sample), np.nan)
+    for number, frame in enumerate(frames):
+        rows = sample.frame == number
         solid, pattern = frame.shot.hits.solid, frame.shot.pattern
         retro = np.isin(solid.material, np.flatnonzero(frame.shot.hits.table.column("retro"))) & solid.exists
-        steps = _firings_from(retro.reshape(pattern.rings, pattern.firings), by.retro_reach)
-        from_reflectors[rows] = steps.ravel()[beam]
-    return world, from_objects, np.exp2(np.round(np.log2(np.maximum(from_reflectors, 0.5))))
+        steps = _firings_from(retro.reshape(pattern.rings, pattern.firings), sample.settings.dictionary.retro_reach)
+        firings[rows] = steps.ravel()[sample.beam[rows]]
+    return np.exp2(np.round(np.log2(np.maximum(firings, 0.5))))
 
 
 def _firings_from(marked: np.ndarray, reach: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,15 +140,22 @@ class BeamResiduals:
     is_one: bool
 
     @classmethod
-    def of(cls, frame_pairs: FramePairs, shown: int, seed: int = 0) -> BeamResiduals:
-        """Collect the data of validation frames, `shown` of them as a whole; `seed` is for the sampling of rows."""
+    def of(cls, frame_pairs: FramePairs, shown: int, names: Collection[str], seed: int = 0) -> BeamResiduals:
+        """Collect the data of validation frames.
+
+        Args:
+            frame_pairs: frames before and after.
+            shown: number of frames that are kept as a whole.
+            names: names of the covariates that are used.
+            seed: seed of the sampling of rows.
+        """
         has_poses = "poses" not in frame_pairs.before_removed.parts
         parts: list[Rows] = []
         errors: list[float] = []
         for number, (before, after) in enumerate(frame_pairs.pairs()):
-            parts.append(_rows(before, after, number, np.random.default_rng([seed, number]), has_poses))
+            parts.append(_rows(before, after, number, names, np.random.default_rng([seed, number]), has_poses))
             errors.append(Totals.of(before.frame, before.scores).error)
-        scans = [_scan(before, after) for before, after in frame_pairs.pairs(_choose_scans(errors, shown))]
+        scans = [_scan(before, after, names) for before, after in frame_pairs.pairs(_choose_scans(errors, shown))]
         scans.sort(key=lambda scan: -np.nan_to_num(scan.before.error))
         same = frame_pairs.before is frame_pairs.after and frame_pairs.before_removed == ALIGNED
         return cls(_concatenate(parts), tuple(scans), same)
@@ -189,16 +196,16 @@ def _excess(residual: np.ndarray, sigma: np.ndarray, used: np.ndarray) -> np.nda
     return np.where(used & (sigma > 0), square, np.nan)
 
 
-def columns_of(aligned: AlignedFrame, number: int = 0) -> dict[str, BeamColumn]:
-    """Covariates (n,) of a frame's beams; `number` is the number of the frame."""
+def columns_of(aligned: AlignedFrame, names: Collection[str], number: int = 0) -> dict[str, BeamColumn]:
+    """Covariates (n,) of a frame's beams by name; `number` is the number of the frame."""
     count = len(aligned.sample)
     columns: dict[str, BeamColumn] = {}
-    for covariate in sample_covariates(aligned.sample, aligned.prediction, (aligned.frame,)):
+    for covariate in sample_covariates(aligned.sample, aligned.prediction, (aligned.frame,), names):
         values = covariate.values.astype(np.float32)
         if covariate.labels and covariate.name != "ring":
             values = np.where(covariate.index >= 0, values, np.nan).astype(np.float32)
-            names = dict(zip(covariate.centres.astype(int).tolist(), covariate.labels, strict=True))
-            words = tuple(names.get(code, "") for code in range(max(names) + 1))
+            labels = dict(zip(covariate.centres.astype(int).tolist(), covariate.labels, strict=True))
+            words = tuple(labels.get(code, "") for code in range(max(labels) + 1))
             columns[covariate.name] = BeamColumn(covariate.unit, values, words)
         else:
             columns[covariate.name] = BeamColumn(covariate.unit, values)
@@ -208,11 +215,18 @@ def columns_of(aligned: AlignedFrame, number: int = 0) -> dict[str, BeamColumn]:
     return columns
 
 
-def _rows(before: AlignedFrame, after: AlignedFrame, number: int, rng: np.random.Generator, has_poses: bool) -> Rows:
+def _rows(
+    before: AlignedFrame,
+    after: AlignedFrame,
+    number: int,
+    names: Collection[str],
+    rng: np.random.Generator,
+    has_poses: bool,
+) -> Rows:
     count = len(after.sample)
     used = np.sort(rng.choice(count, min(count, LAYOUT.rows), replace=False))
     sector = np.floor((after.sample.azimuth[used] + np.pi) / (2 * np.pi) * LAYOUT.sectors).astype(int) % LAYOUT.sectors
-    columns = columns_of(after, number)
+    columns = columns_of(after, names, number)
     return Rows(
         covariates={
             name: BeamColumn(column.unit, column.values[used], column.names) for name, column in columns.items()
@@ -272,7 +286,7 @@ def renumbered(column: BeamColumn, words: tuple[str, ...]) -> np.ndarray:
     return places[np.minimum(code, len(column.names))]
 
 
-def _scan(before: AlignedFrame, after: AlignedFrame) -> ShownScan:
+def _scan(before: AlignedFrame, after: AlignedFrame, names: Collection[str]) -> ShownScan:
     pattern, rays = after.frame.shot.pattern, after.frame.observed.rays
     first = np.arange(pattern.rings) * pattern.firings
     direction = rays.direction[first].astype(float)
@@ -284,7 +298,7 @@ def _scan(before: AlignedFrame, after: AlignedFrame) -> ShownScan:
         elevation_rad=np.arcsin(np.clip(direction[:, 2], -1, 1)),
         azimuth_rad=np.pi - np.pi / pattern.firings + fan,
         measured_m=after.scores.measured_m,
-        covariates=columns_of(after),
+        covariates=columns_of(after, names),
         before=_side(before),
         after=_side(after),
     )

@@ -103,7 +103,7 @@ class Bins:
 
 def bins_of(rows: Rows, names: Sequence[str]) -> dict[str, Bins]:
     """Bins of the named covariates that are present."""
-    all_bins = {name: Bins.of(rows, name) for name in dict.fromkeys(names)}
+    all_bins = {name: Bins.of(rows, name) for name in names}
     return {name: bins for name, bins in all_bins.items() if bins is not None}
 
 

@@ -34,12 +34,11 @@ class Explored:
     @classmethod
     def of(cls, frame_pairs: FramePairs | None, shown: int, more: Collection[str] = ()) -> Explored | None:
         """Residuals of validation frames, `shown` of them as whole scans; `more`: further covariates."""
-        return None if frame_pairs is None else cls.of_beams(BeamResiduals.of(frame_pairs, shown), more)
-
-    @classmethod
-    def of_beams(cls, beams: BeamResiduals, more: Collection[str] = ()) -> Explored:
-        """Residuals of gathered beams."""
-        bins = bins_of(beams.rows, (*USUAL, *more))
+        if frame_pairs is None:
+            return None
+        names = tuple(dict.fromkeys((*USUAL, *more)))
+        beams = BeamResiduals.of(frame_pairs, shown, names)
+        bins = bins_of(beams.rows, names)
         return cls(beams, bins, all_charts(beams.rows, bins, beams.is_one))
 
 
