@@ -143,13 +143,15 @@ def convert_terms(
             findings.append(ReportedTerm(term.group.effect_name, term.p_value, names))
             continue
         curve = curve_of(linearisation, term, context.settings.selection.sectors)
-        if curve is None or any(effect.name == curve.name for effect in effects):
+        is_there = curve is not None and any(effect.name == curve.name for effect in effects)
+        if curve is None or (is_there and not curve.is_shared):
             phases.append(term)
             continue
         unknown = UnknownEffect.of(curve)
         if not curve.is_shared and curve.channel not in SPURIOUS:  # these have their most likely size already
             free = (*free, len(effects))
-        effects = (*effects, effect_of(unknown))
+        if not is_there:  # shared errors are effects already
+            effects = (*effects, effect_of(unknown))
         findings.append(ReportedTerm(unknown.name, term.p_value, names, unknown, term.group.name))
     if effects == model.fitted.effects and not model.fitted.dependences:
         return model, tuple(findings), tuple(phases)
@@ -193,9 +195,14 @@ def _latest_idle(context: Context, model: FittedModel, findings: Sequence[Report
     is_idle = (
         one for one in testable
         if _is_unchanged(model, one.name, ci95.get(one.name, {}), context.initial_effects)
-        or (one.unknown is not None and _gain_of(model, one.name) < context.settings.selection.least_follower)
+        or (_is_fitted(one) and _gain_of(model, one.name) < context.settings.selection.least_follower)
     )  # fmt: skip
     return next(is_idle, None)
+
+
+def _is_fitted(finding: ReportedTerm) -> bool:
+    """Whether a finding is a plug-in that the likelihood can judge: it leaves spurious returns near edges out."""
+    return finding.unknown is not None and finding.unknown.curve.channel not in SPURIOUS
 
 
 def _gain_of(model: FittedModel, name: str) -> float:

@@ -28,6 +28,9 @@ class BeamSampling:
     apart: float = 0.3  # relative difference of reflectance that distinguishes materials: three times a noise of 10 %
     directions: int = 8  # number of directions around a beam in which thin objects are searched,
     distances: int = 12  # and number of distances in each: a rail of 1 cm may lie anywhere within the tolerance
+    nearby_rings: int = 2  # largest distance in rings,
+    nearby_firings: int = 8  # and in firings, of a beam that may have hit the surface of a neighbour near an edge,
+    nearby_m: float = 0.3  # and largest difference of their ranges, plus `jump_share` of the range
     grazing: float = 0.02  # cosine of incidence below which a beam is nearly parallel to the surface
     brightest: float = 1.001  # intensities above this are bytes
     most_points: float = 0.99  # quantile of a scan's intensities that is compared with it
@@ -61,6 +64,7 @@ class Sampling:
     odd_share: float = 0.3  # maximum share of a sample for returns where the twin has no surface
     edge_share: float = 0.25  # sampling probability of beams at edges relative to others: they are less informative
     rare_share: float = 0.2  # share of a sample reserved for rare materials
+    firing_share: float = 0.2  # share of a sample in firings that are sampled as a whole, for errors common to a firing
     lone_share: float = 0.25  # share of a sample for returns that can only be used for the sensor's calibration
     beams_per_surface: int = 16  # maximum number of beams per map surface: more beams add less than more surfaces do
     margin_m: float = 0.3  # distance along the beam within which a return belongs to a map surface,
@@ -83,6 +87,7 @@ class LikelihoodConstants:
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
+    least_stray_share: float = 1e-4  # minimum share of beams near edges with a return from before all surfaces
     least_neither_share: float = 1e-5  # minimum share of beams near edges that hit no known surface, of each kind
     edge_octaves_m: Pair = (5.0, 160.0)  # range of distances whose octaves have their own shares
     lost_share: float = 1e-3  # minimum probability of a return, and of no return

@@ -101,6 +101,22 @@ class TracedFrame:
         measured = self.observed.range_from(self.shot.rays.origin)
         return is_near | self.fits_nearby(np.where(comparable, measured, np.nan), shift_m, turn_rad)
 
+    def has_surface_nearby(self, beams: np.ndarray, range_m: np.ndarray) -> np.ndarray:
+        """(k,) bool beams (k,) near which a traced beam, at most a few rings and firings away, has this range (k,) [m].
+
+        False where the range is NaN.
+        """
+        pattern, settings = self.shot.pattern, self.settings.beams
+        traced_m = self.shot.hits.solid.range_m.reshape(pattern.rings, pattern.firings).astype(float)
+        traced_m = np.where(np.isfinite(traced_m), traced_m, -np.inf)
+        ring, firing = beams // pattern.firings, beams % pattern.firings
+        found = np.zeros(len(beams), bool)
+        for down in range(-settings.nearby_rings, settings.nearby_rings + 1):
+            for along in range(-settings.nearby_firings, settings.nearby_firings + 1):
+                other_m = traced_m[np.clip(ring + down, 0, pattern.rings - 1), (firing + along) % pattern.firings]
+                found |= np.abs(other_m - range_m) < settings.nearby_m + settings.jump_share * range_m
+        return found
+
     def fits_nearby(self, range_m: np.ndarray, shift_m: float, turn_rad: float) -> np.ndarray:
         """(n,) bool beams of which a range (n,) [m] fits not their own hit but that of a nearby direction.
 

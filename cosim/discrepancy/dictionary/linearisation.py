@@ -170,20 +170,16 @@ def _score_spurious(
 ) -> None:
     """Add scores of spurious returns (mixture directions); at edges only if no beam nearby has such a range.
 
-    The background of returns far from both surfaces at edges is taken from the opposite side of the surface: early
-    returns are expected as often as late ones.
+    At edges as many returns are expected before both surfaces as there are far behind both, and the reverse: this share
+    takes the place of the reference share there.
     """
     constants, reference = sample.settings.likelihood, sample.settings.likelihood.reference_share
-    surface = np.where(sample.edge, _side_range(sample, adjusted, "nearest"), np.nan_to_num(adjusted.range_m))
-    behind = np.where(sample.edge, _side_range(sample, adjusted, "farthest"), np.nan_to_num(adjusted.range_m))
+    nearest_m, farthest_m = sample.sides_at(adjusted.range_m)
+    surface = np.where(sample.edge, nearest_m, np.nan_to_num(adjusted.range_m))
+    behind = np.where(sample.edge, farthest_m, np.nan_to_num(adjusted.range_m))
     density = spurious_densities(sample, replace(adjusted, range_m=np.where(sample.edge, surface, adjusted.range_m)))
-    late_at_edges = np.where(
-        sample.returned & (np.nan_to_num(sample.along_m) > behind + 1),
-        np.exp(-np.clip(np.nan_to_num(sample.along_m) - behind, 0, 50)),
-        0.0,
-    )
-    early_at_edges = np.where(np.nan_to_num(sample.along_m) < surface - 1, density["early"], 0.0)
-    explained = explained_nearby(sample, frames) if bent or sample.edge.any() else np.zeros(len(sample), bool)
+    strays = sample.strays(np.stack([surface, behind]))
+    explained = _explained_nearby(sample, frames) if bent else sample.beside_surface
     first = sample.compared & sample.first
     clear, edge = first & ~sample.edge, first & sample.edge & np.isfinite(surface)
     hidden = explained if bent else np.zeros(len(sample), bool)  # deflected beams hit neighbouring surfaces
@@ -192,9 +188,11 @@ def _score_spurious(
     gap = measured - surface
     edge_gap = np.where(measured > behind, measured - behind, np.minimum(gap, 0.0))
     far = sample.returned & ~explained
-    at_edges = {"early": early_at_edges, "late": late_at_edges}
-    at_edges["spurious"] = np.where(early_at_edges + late_at_edges > 0, 1 / constants.reach_m, 0.0)
-    at_edges = {name: np.where(explained, 0.0, values) for name, values in at_edges.items()}
+    at_edges: Scores = {
+        "early": strays[0] * density["early"],
+        "late": strays[1] * np.exp(-np.clip(measured - behind, 0, 50)),
+        "spurious": (strays[0] | strays[1]) / constants.reach_m,
+    }
     for name in SPURIOUS:
         solid = np.ones(len(sample), bool) if name == "spurious" else np.isfinite(adjusted.range_m) & (surface > 1)
         present = constants.least_spurious_share + adjusted.spurious_per_m * constants.reach_m + adjusted.spurious_share
@@ -208,11 +206,10 @@ def _score_spurious(
         information[name] = used * (reference**2 / (reference + present) if not background else reference + background)
         if not edge.any():
             continue
-        background = max(_background_share(share, edge, far, edge_gap, name), reference)
-        ratio = at_edges[name] / np.maximum(likelihood + background / constants.reach_m, 1e-12) - 1
-        used = share * edge
-        score[name] = score[name] + reference * used * ratio / (1 + reference * ratio)
-        information[name] = information[name] + used * (reference + background)
+        usual = max(_background_share(share, edge, far, edge_gap, name), reference)
+        ratio, used = at_edges[name] / np.maximum(likelihood, 1e-12) - 1, share * edge
+        score[name] = score[name] + usual * used * ratio / (1 + usual * ratio)
+        information[name] = information[name] + used * usual
 
 
 def _background_share(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap: np.ndarray, name: str) -> float:
@@ -223,29 +220,10 @@ def _background_share(share: np.ndarray, used: np.ndarray, far: np.ndarray, gap:
     return {"early": behind, "late": before}.get(name, min(before, behind))
 
 
-def _side_range(sample: Sample, adjusted: Prediction, which: str) -> np.ndarray:
-    """Range (n,) of the nearest or the farthest surface of a beam's sides; infinite without any."""
-    found = np.full(len(sample), np.inf if which == "nearest" else -np.inf)
-    if which == "nearest":
-        np.minimum.at(found, sample.own, np.nan_to_num(adjusted.range_m, nan=np.inf))
-    else:
-        np.maximum.at(found, sample.own, np.where(np.isfinite(adjusted.range_m), adjusted.range_m, -np.inf))
-    return found
-
-
-def explained_nearby(sample: Sample, frames: tuple[TracedFrame, ...], rings: int = 2, firings: int = 8) -> np.ndarray:
+def _explained_nearby(sample: Sample, frames: tuple[TracedFrame, ...]) -> np.ndarray:
     """(n,) bool returns for which the twin has a surface at the same range within a few rings and firings."""
     found = np.zeros(len(sample), bool)
     for number, frame in enumerate(frames):
-        pattern = frame.shot.pattern
         rows = np.flatnonzero((sample.frame == number) & sample.first & sample.returned)
-        reach = frame.shot.hits.solid.range_m.reshape(pattern.rings, pattern.firings).astype(float)
-        reach = np.where(np.isfinite(reach), reach, -np.inf)
-        ring, firing = sample.beam[rows] // pattern.firings, sample.beam[rows] % pattern.firings
-        measured, near = sample.along_m[rows], np.zeros(len(rows), bool)
-        for down in range(-rings, rings + 1):
-            for along in range(-firings, firings + 1):
-                other = reach[np.clip(ring + down, 0, pattern.rings - 1), (firing + along) % pattern.firings]
-                near |= np.abs(other - measured) < 0.3 + 0.01 * measured
-        found[rows] = near
+        found[rows] = frame.has_surface_nearby(sample.beam[rows], sample.along_m[rows])
     return found

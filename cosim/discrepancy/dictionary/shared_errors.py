@@ -1,13 +1,15 @@
 """Errors common to the beams of a unit: a firing, a packet, a sector, a scan, a block or ring in a scan.
 
-The variance of a common error has the score ½ Σ aᵢaⱼ over pairs of beams of one unit, a the scores of the quantity, and
-the information ½ Σ IᵢIⱼ. Pairs that hit the same object or map cell are excluded, because a misplaced surface
-correlates them too.
+The variance v of a common error has the score ½ Σ w aᵢaⱼ over pairs of beams of one unit, a the scores of the quantity,
+and the information ½ Σ w IᵢIⱼ. The weight of a unit, w = 1/(1 + v I)² with a first estimate of v and the information I
+of the unit about its error, is that of the efficient score: a unit of many beams says hardly more about v than one of a
+few. Pairs that hit the same object or map cell are excluded, because a misplaced surface correlates them too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from cosim.discrepancy.inference.dependence import ANGLES
 from cosim.discrepancy.sampling.sample import Sample
 from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
+_EMPTY = Group("", "", (), 0)
 _WIDEST = 0.999  # quantile of scores to which larger ones are clipped
 
 
@@ -27,12 +30,43 @@ class SharedError:
     Attributes:
         group: group with the score and information of each beam's part.
         unit: (n,) int unit of each beam.
+        pairs: (n,) each beam's part of the sum of IᵢIⱼ over the pairs of its unit.
+        variance: first estimate of the variance.
         weighted: information times the mean weight of the beams, the variance of the score.
     """
 
     group: Group
     unit: np.ndarray
+    pairs: np.ndarray
+    variance: float
     weighted: float
+
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """(n,) weight of each beam's unit."""
+        return 1 / (1 + self.variance * self.of_unit) ** 2
+
+    @cached_property
+    def of_unit(self) -> np.ndarray:
+        """(n,) information of each beam's unit about its error, from pairs."""
+        return np.sqrt(np.bincount(self.unit, self.pairs)[self.unit])
+
+    def gain(self, score: np.ndarray, variance: np.ndarray) -> np.ndarray:
+        """Each beam's part (n,) of the gain in log-likelihood of a variance v: ½ Σᵤ [v S²/(1 + v I) − ln(1 + v I)].
+
+        I is the information of a unit about its error. S², the square of the sum of its beams' scores, is twice the
+        score of the pairs of different surfaces, plus I for single beams.
+
+        Args:
+            score: (n,) scores of the variance, as in the group.
+            variance: (n,) variance of the errors.
+        """
+        known = self.of_unit > 0
+        of_unit = np.where(known, self.of_unit, 1.0)
+        share = np.where(known, self.pairs / of_unit**2, 0.0)
+        square = 2 * score / self.weight + share * of_unit
+        gain = 0.5 * (variance * square / (1 + variance * of_unit) - share * np.log1p(variance * of_unit))
+        return np.where(known, gain, 0.0)
 
 
 def shared_errors(linearisation: Linearisation) -> list[SharedError]:
@@ -79,13 +113,14 @@ def unit_codes(linearisation: Linearisation) -> dict[str, np.ndarray]:
 
 
 def common_information(first: SharedError, second: SharedError, information: np.ndarray, sample: Sample) -> float:
-    """Information common to the variances of two units: from the pairs of beams that are in both.
+    """Expected score of the first variance per unit of the second one: from the pairs of beams that are in both units.
 
     Args:
         first, second: shared errors of the same channel.
         information: (n,) information of that channel.
         sample: the beams.
     """
+    information = information * np.sqrt(first.weight)
     both = np.unique(_combine_codes(first.unit, second.unit), return_inverse=True)[1]
     own = np.unique(_combine_codes(both, sample.track), return_inverse=True)[1]
     squares = (np.bincount(both, information) ** 2).sum() - (np.bincount(own, information) ** 2).sum()
@@ -106,16 +141,21 @@ def _shared_error(
     def others(values: np.ndarray) -> np.ndarray:
         return np.bincount(unit, values)[unit] - np.bincount(own, values)[own]
 
-    variance = information * sample.share
+    pairs, products = information * others(information), score * others(score)
+    total = float(pairs.sum())
+    variance = max(float(products.sum()) / total, 0.0) if total > 0 else 0.0
+    of_score = information * sample.share
+    found = SharedError(_EMPTY, unit, pairs, variance, 0.0)
+    weighted = 0.5 * float((found.weight**2 * of_score) @ others(of_score))
     group = Group(
         f"shared_{channel} by {name}",
         f"shared_{channel}",
         (name,),
         1,
         one_sided=True,
-        direct=(0.5 * score * others(score), 0.5 * information * others(information)),
+        direct=(0.5 * found.weight * products, 0.5 * found.weight * pairs),
     )
-    return SharedError(group, unit, 0.5 * float(variance @ others(variance)))
+    return replace(found, group=group, weighted=weighted)
 
 
 def _combine_codes(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -219,7 +219,9 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
 
     Beams near edges hit one of the sides, or an unknown surface: then they have a return near one of the sides, at a
-    uniform range, or none. The shares of these are estimated by class, see `Sample.edge_class`.
+    uniform range, or none. The shares of these are estimated by class, see `Sample.edge_class`. A beam that misses both
+    sides goes on behind them: returns from before both, where nearby beams hit nothing, are not from surfaces of the
+    scene. They take no part in the estimate, and are expected to be as rare as returns from far behind.
 
     Args:
         sample: sample of measured beams.
@@ -230,13 +232,18 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
+    before, behind = sample.strays(sample.sides_m)
+    counted = sample.weight * (sample.compared & sample.first & sample.edge)
+    stray_share = max(float(counted[behind].sum() / max(counted.sum(), 1.0)), constants.least_stray_share)
     for edge_class in range(int(sample.edge_class.max(initial=-1)) + 1):
         rows = np.flatnonzero(sample.edge_class == edge_class)
         near = rows[sample.first[rows]]
         if not len(near):
             continue
         neither = sample.unknown_surfaces[:, near]
-        share = mixture_weights(likelihood[near], neither, sample.weight[near], constants)
+        weight = np.where(before[near] & ~before[near].all(), 0.0, sample.weight[near])
+        share = mixture_weights(likelihood[near], neither, weight, constants)
+        neither[-2] = np.where(before[near], neither[-2] * min(stray_share / share[-2], 1.0), neither[-2])
         either = 1 - share.sum()
         likelihood[near] = either * likelihood[near] + share @ neither
         met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]

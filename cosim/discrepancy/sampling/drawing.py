@@ -15,7 +15,8 @@ def draw_sample(frames: Sequence[TracedFrame], count: int, rng: np.random.Genera
     """Draw a sample of about `count` beams in neighbouring pairs, equally many per frame.
 
     Objects are sampled more densely than the static world; beams on rare materials, for example number plates and
-    signs, are nearly all included.
+    signs, are nearly all included. Some firings are sampled as a whole, because errors that the beams of a firing have
+    in common show only in pairs of beams of one firing.
 
     Args:
         frames: traced frames, in order of time.
@@ -44,17 +45,21 @@ def _sample_frame(frame: TracedFrame, share: int, rng: np.random.Generator) -> T
     is_outlier &= clear
     chance = np.where(solid.instance >= 0, 3.0, np.where(solid.exists, 1.0, 0.15)) * usable
     chance = np.where(clear, chance, settings.edge_share * chance)
-    chance = np.clip(chance * (share / 2 / max(chance.sum(), 1.0)), 0, 1)
+    paired_share = (1 - settings.firing_share) * share
+    chance = np.clip(chance * (paired_share / 2 / max(chance.sum(), 1.0)), 0, 1)
     chance = np.where(
         is_outlier, np.maximum(chance, min(1.0, settings.odd_share * share / max(is_outlier.sum(), 1))), chance
     )
     chance = np.maximum(chance, _rare_probabilities(solid.material, clear & solid.exists, settings.rare_share * share))
     first = rng.random(len(chance)) < chance
-    is_taken = (first | np.append(False, first[:-1])) & usable
+    chance_of_firing = min(settings.firing_share * share / max(clear.sum(), 1), 1.0)
+    pattern = frame.shot.pattern
+    is_whole = clear & np.tile(rng.random(pattern.firings) < chance_of_firing, pattern.rings)
+    is_taken = ((first | np.append(False, first[:-1])) & usable) | is_whole
     before = np.append(0.0, chance[:-1])
     beams = np.flatnonzero(is_taken)
     unmatched = _sample_unmatched(frame, share, rng)
-    weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]))
+    weight = 1 / (1 - (1 - chance[beams]) * (1 - before[beams]) * (1 - chance_of_firing * clear[beams]))
     follows = np.zeros(len(beams), bool)
     follows[:-1] = np.diff(beams) == 1
     after = np.minimum(beams + 1, len(rings) - 1)

@@ -87,6 +87,7 @@ class Sample:
         first: (n,) bool whether this is the first row of the beam.
         chance: (n,) probability that the beam hits the surface of this row; sums to 1 over the rows of a beam.
         edge: (n,) bool near an edge, so that the beam may also hit none of the surfaces.
+        beside_surface: (n,) bool near an edge, with a return from the range of a surface that nearby beams hit.
         border: (n,) bool the beam may hit another material, so that its intensity is ambiguous.
         seam: (n,) bool the same, but the measured intensity itself can decide.
         compared: (n,) bool beams that can be compared with the twin; of other beams only `above_m` is used.
@@ -133,6 +134,7 @@ class Sample:
     first: np.ndarray
     chance: np.ndarray
     edge: np.ndarray
+    beside_surface: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray
@@ -188,12 +190,37 @@ class Sample:
         how many are lost there says where the edge is. So are octaves of the distance: an error of an angle moves a
         distant edge further, so that more beams miss it.
         """
-        nearest = np.full(len(self), np.inf)
-        np.minimum.at(nearest, self.own, np.nan_to_num(self.range_m, nan=np.inf))
         first_m, last_m = self.settings.likelihood.edge_octaves_m
-        distance_m = np.clip(nearest[self.own], first_m, last_m * 0.99)
+        distance_m = np.clip(self.sides_m[0], first_m, last_m * 0.99)
         octaves = int(np.log2(last_m / first_m))
         return np.where(self.edge, np.log2(distance_m / first_m).astype(int) + octaves * self.beside_sky, -1)
+
+    @cached_property
+    def sides_m(self) -> np.ndarray:
+        """(2, n) ranges [m] of the nearest and the farthest surface that a beam may hit; infinite if there is none."""
+        return self.sides_at(self.range_m)
+
+    def sides_at(self, range_m: np.ndarray) -> np.ndarray:
+        """The same for other ranges (n,) [m] of the surfaces of all rows; NaN or infinite for none."""
+        nearest, farthest = np.full(len(self), np.inf), np.full(len(self), -np.inf)
+        np.minimum.at(nearest, self.own, np.nan_to_num(range_m, nan=np.inf))
+        np.maximum.at(farthest, self.own, np.where(np.isfinite(range_m), range_m, -np.inf))
+        return np.stack([nearest, np.abs(farthest)])[:, self.own]
+
+    def strays(self, sides_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns near edges from before all surfaces, and from behind all, where nearby beams hit none either.
+
+        Args:
+            sides_m: (2, n) ranges [m] of the nearest and the farthest surface of each beam.
+
+        Returns:
+            Two masks (n,) of first rows of beams.
+        """
+        possible = (
+            self.compared & self.first & self.edge & self.returned & ~self.beside_surface & np.isfinite(sides_m[0])
+        )
+        measured, apart = np.nan_to_num(self.along_m), self.settings.beams.same_m
+        return possible & (measured < sides_m[0] - apart), possible & (measured > sides_m[1] + apart)
 
     @cached_property
     def unknown_surfaces(self) -> np.ndarray:

@@ -9,19 +9,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.discrepancy.dictionary.groups import FAMILIES, Group
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.dictionary.periodic import line_group
+from cosim.discrepancy.dictionary.shared_errors import shared_errors
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS
 from cosim.discrepancy.selection.confirm import p_of_gain
+from cosim.discrepancy.selection.curves import curve_of
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.gain import is_rival
-from cosim.discrepancy.selection.refit import FittedModel, Term, refit_with
+from cosim.discrepancy.selection.refit import FittedModel, Term, fit_again, refit_with
 from cosim.discrepancy.selection.table import GroupTest
 from cosim.discrepancy.settings import Settings
+from cosim.discrepancy.unknown.effect import UnknownEffect
+from cosim.discrepancy.unknown.effect_class import effect_of
 
 _LOG = logging.getLogger(__name__)
 STEPS = 10
 """Maximum number of Gauss–Newton steps of a refit to convergence."""
 _ROUGH_STEPS = 4  # of a refit that compares candidates
+_SAME_SIZE = 0.02  # relative change of a shared error's standard deviation at which its estimate has converged
 _LEAST_Z = 3.0  # standardised score of a hypothesis that turns beams above which it is refitted
 
 
@@ -85,8 +91,7 @@ def choose(
     """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
     best = _first(candidates)
     if best.group.is_shared:
-        term = Term(best.group, best.p_value, best.gain, best.gain)
-        return replace(model, terms=(*model.terms, term)), best
+        return _with_shared(model, evidence, best, settings), best
     same_order = [
         result for result in candidates if result.group.order == best.group.order and not result.group.is_shared
     ]
@@ -111,6 +116,9 @@ def choose(
         return frozenset(one.result.group.name for one in trials if one.net_gain < needed[one])
     result = trial.result
     after, group = trial.model, result.group
+    shared = [one for one in candidates if one.group.is_shared and one.group.family == group.family]
+    if group.channel in SPREADS and shared:  # an error that beams share is noise of each, too; noise is not shared
+        return _with_shared(model, evidence, shared[0], settings), shared[0]
     if not group.is_effect:
         after, group = _refined(model, evidence, trial)
     if after.loglik - model.loglik - trial.penalty < needed_gain(group, model, settings):
@@ -129,6 +137,34 @@ def choose(
     penalty = group.size * max(result.entry.cell.dispersion, 1.0)  # an effect may have replaced the dependence
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _with_shared(model: FittedModel, evidence: SelectionEvidence, result: GroupTest, settings: Settings) -> FittedModel:
+    """The model with a shared error, whose variance is part of the noise of each beam from now on.
+
+    Scores of residuals that are large for the model's noise are bounded: the variance is estimated again with it.
+    """
+    term, after, linearisation = (
+        Term(result.group, result.p_value, result.gain, result.gain),
+        model,
+        evidence.linearisation,
+    )
+    dependences, size = model.fitted.dependences, 0.0
+    for _ in range(settings.descent.steps):
+        curve = curve_of(linearisation, term, settings.selection.sectors)
+        assert curve is not None  # shared errors have one
+        effects = (*model.fitted.effects, effect_of(UnknownEffect.of(curve)))
+        size, before = float(curve.y[0]), size
+        if abs(size - before) < _SAME_SIZE * size:
+            break
+        after = replace(model, fitted=fit_again(after, effects, model.free, dependences, 1))
+        linearisation = linearise(after.fitter, after.fitted, after.frames)
+        group = next(
+            (one.group for one in shared_errors(linearisation) if one.group.name == term.group.name), term.group
+        )
+        term = replace(term, group=group)
+    fitted = fit_again(after, effects, model.free, dependences, settings.descent.steps, widened=True)
+    return replace(model, fitted=fitted, terms=(*model.terms, term))
 
 
 def _refined(model: FittedModel, evidence: SelectionEvidence, trial: _Trial) -> tuple[FittedModel, Group]:

@@ -61,7 +61,7 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
     """
     sample, fitted = linearisation.sample, linearisation.fitted
     if dependence.channel in SPURIOUS:
-        share = sample.share * sample.clear * sample.first
+        share = sample.share * sample.compared * sample.first
         beams, weighted = dependence.basis.T @ share, dependence.basis.T @ share**2
         event = weighted / np.maximum(beams, 1e-9)
         return np.sqrt(np.maximum(dependence.coefficients, 1 / np.maximum(beams, 1.0)) * event / np.maximum(beams, 1.0))

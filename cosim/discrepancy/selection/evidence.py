@@ -11,7 +11,7 @@ from cosim.discrepancy.dictionary.build import Dictionary, build_dictionary
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.dictionary.shared_errors import shared_errors
-from cosim.discrepancy.inference.projection import Projector
+from cosim.discrepancy.inference.projection import PART, Projector
 from cosim.discrepancy.selection.first_pass import first_pass
 from cosim.discrepancy.selection.refit import FittedModel
 from cosim.discrepancy.selection.table import Entry, GroupTest, evaluate, score_groups, score_shared
@@ -78,7 +78,9 @@ def gather_evidence(model: FittedModel, effects: Sequence[Group], settings: Sett
             groups = [group for group in kept if group.family == family and group.is_of_scan == is_of_scan]
             entries += score_groups(linearisation, groups, own, by)
     shared = shared_errors(linearisation)
-    entries += score_shared(linearisation, shared, model.shared, projectors["range"])
+    # Two displaced surfaces correlate only the beams of units that hit both: clusters are single objects and map cells.
+    clusters = linearisation.sample.track, projectors["range"].clusters[PART]
+    entries += score_shared(linearisation, shared, model.shared, clusters, by.folds)
     tested = dictionary.tested + len(shared)
     results = evaluate(entries, by, rng, max(tested / max(len(entries), 1), 1.0))
     return SelectionEvidence(linearisation, dictionary, results)

@@ -75,7 +75,8 @@ def select_terms(
             model = retrace(model)
         if model.fitted.effects != before.fitted.effects:
             effects = tangents(linearise(model.fitter, model.fitted, model.frames), model)
-            model = replace_dependences(model, effects, initial, settings, seed, rejected, on_progress)
+            if not term.group.is_shared:
+                model = replace_dependences(model, effects, initial, settings, seed, rejected, on_progress)
         evidence = gather_evidence(model, effects, settings, seed)
     return model, replace(evidence, rejected=frozenset(rejected))
 

@@ -139,7 +139,8 @@ def score_shared(
     linearisation: Linearisation,
     shared: Sequence[SharedError],
     selected: Sequence[str],
-    projector: Projector,
+    clusters: tuple[np.ndarray, np.ndarray],
+    folds: int,
 ) -> list[Entry]:
     """Scores of variances of shared errors, those of the same channel that were selected eliminated.
 
@@ -147,7 +148,8 @@ def score_shared(
         linearisation: of the model.
         shared: all of them.
         selected: names of the groups that were selected.
-        projector: for the clusters.
+        clusters: (n,) int track, and part of a scan, of each beam.
+        folds: number of folds.
     """
     entries, sample = [], linearisation.sample
     for one in shared:
@@ -162,23 +164,36 @@ def score_shared(
             channel = one.group.channel.removeprefix("shared_")
             cluster_information = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
             other_score, other_information = _direct_scores(other.group)
-            common, own = (
-                common_information(one, other, cluster_information, sample),
-                max(float(other_information.sum()), 1e-300),
+            own = max(float(other_information.sum()), 1e-300)
+            of_other, of_one = (
+                common_information(*pair, cluster_information, sample) for pair in ((one, other), (other, one))
             )
-            score = score - common / own * other_score
-            left = left - common**2 / own
+            score = score - of_other / own * other_score
+            left = left - of_other * of_one / own
         if left <= 0.05 * whole or whole <= 0:
             continue
-        tables, cluster_information = _summed(score, projector), _summed(information, projector)
+        tables, cluster_information = _summed(score, clusters), _summed(information, clusters)
         variance = np.array([max(float((table**2).sum()) for table in tables)])
         variance = np.maximum(variance, floor * left / whole)
-        cell = Cell("normal", np.array([[left]]), True, max(floor / whole, 1.0))
+        gains = tuple(
+            _shared_gains(one, score, information, cluster, kind, folds) for kind, cluster in enumerate(clusters)
+        )
+        cell = Cell("normal", np.array([[left]]), True, max(floor / whole, 1.0), gains)
         share = np.array([left / whole])
         entries.append(
             Entry(one.group, tables, cluster_information, np.array([[left]]), variance, share, cell, False, np.ones(1))
         )
     return entries
+
+
+def _shared_gains(
+    one: SharedError, score: np.ndarray, information: np.ndarray, cluster: np.ndarray, kind: int, folds: int
+) -> np.ndarray:
+    """Gains (folds,) of the variance that is the best for the other folds."""
+    fold = folds_of_clusters(int(cluster.max(initial=-1)) + 1, folds, kind)[cluster]
+    scores, known = (np.bincount(fold, values, folds) for values in (score, information))
+    variance = np.maximum(scores.sum() - scores, 0) / np.maximum(known.sum() - known, 1e-300)
+    return np.bincount(fold, one.gain(score, variance[fold]), folds)
 
 
 def evaluate(
@@ -299,8 +314,8 @@ def _direct(
     assert group.direct is not None
     score, information = group.direct
     tables, cluster_information, sample = (
-        _summed(score, projector),
-        _summed(information, projector),
+        _summed(score, projector.clusters),
+        _summed(information, projector.clusters),
         linearisation.sample,
     )
     scatter = np.array([max(float((table**2).sum()) for table in tables)])
@@ -378,8 +393,8 @@ def _with_dispersion(entry: Entry, tails: dict[str, float]) -> Entry:
     return replace(entry, cell=replace(entry.cell, dispersion=max(dispersion, 1e-3)))
 
 
-def _summed(score: np.ndarray, projector: Projector) -> tuple[np.ndarray, np.ndarray]:
-    track, part = (np.bincount(cluster, score)[:, None] for cluster in projector.clusters)
+def _summed(score: np.ndarray, clusters: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    track, part = (np.bincount(cluster, score)[:, None] for cluster in clusters)
     return track, part
 
 
