@@ -116,11 +116,11 @@ def common_information(first: SharedError, second: SharedError, information: np.
     """Expected score of the first variance per unit of the second one: from the pairs of beams that are in both units.
 
     Args:
-        first, second: shared errors of the same channel.
-        information: (n,) information of that channel.
+        first, second: shared errors of the same quantity.
+        information: (n,) information about the changes of both channels together.
         sample: the beams.
     """
-    information = information * np.sqrt(first.weight)
+    information = information * np.sqrt(first.weight)  # may be negative
     both = np.unique(_combine_codes(first.unit, second.unit), return_inverse=True)[1]
     own = np.unique(_combine_codes(both, sample.track), return_inverse=True)[1]
     squares = (np.bincount(both, information) ** 2).sum() - (np.bincount(own, information) ** 2).sum()

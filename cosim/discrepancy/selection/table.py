@@ -142,7 +142,7 @@ def score_shared(
     clusters: tuple[np.ndarray, np.ndarray],
     folds: int,
 ) -> list[Entry]:
-    """Scores of variances of shared errors, those of the same channel that were selected eliminated.
+    """Scores of variances of shared errors, those of the same quantity that were selected eliminated.
 
     Args:
         linearisation: of the model.
@@ -155,28 +155,24 @@ def score_shared(
     for one in shared:
         if one.group.name in selected:
             continue
-        score, information = _direct_scores(one.group)
-        whole, floor = float(information.sum()), one.weighted
+        score, own_information = _direct_scores(one.group)
+        whole, floor = float(own_information.sum()), one.weighted
         left = whole
         for other in shared:
-            if other.group.name not in selected or other.group.channel != one.group.channel:
+            if other.group.name not in selected or (information := _joint(linearisation, one, other)) is None:
                 continue
-            channel = one.group.channel.removeprefix("shared_")
-            cluster_information = np.where(sample.clear & sample.first, linearisation.weights(channel)[1], 0.0)
             other_score, other_information = _direct_scores(other.group)
             own = max(float(other_information.sum()), 1e-300)
-            of_other, of_one = (
-                common_information(*pair, cluster_information, sample) for pair in ((one, other), (other, one))
-            )
+            of_other, of_one = (common_information(*pair, information, sample) for pair in ((one, other), (other, one)))
             score = score - of_other / own * other_score
             left = left - of_other * of_one / own
         if left <= 0.05 * whole or whole <= 0:
             continue
-        tables, cluster_information = _summed(score, clusters), _summed(information, clusters)
+        tables, cluster_information = _summed(score, clusters), _summed(own_information, clusters)
         variance = np.array([max(float((table**2).sum()) for table in tables)])
         variance = np.maximum(variance, floor * left / whole)
         gains = tuple(
-            _shared_gains(one, score, information, cluster, kind, folds) for kind, cluster in enumerate(clusters)
+            _shared_gains(one, score, own_information, cluster, kind, folds) for kind, cluster in enumerate(clusters)
         )
         cell = Cell("normal", np.array([[left]]), True, max(floor / whole, 1.0), gains)
         share = np.array([left / whole])
@@ -184,6 +180,16 @@ def score_shared(
             Entry(one.group, tables, cluster_information, np.array([[left]]), variance, share, cell, False, np.ones(1))
         )
     return entries
+
+
+def _joint(linearisation: Linearisation, one: SharedError, other: SharedError) -> np.ndarray | None:
+    """Information (n,) that beams have about the changes of both channels together; None for different quantities."""
+    first, second = (linearisation.channels[each.group.channel.removeprefix("shared_")] for each in (one, other))
+    if first.quantity != second.quantity:
+        return None
+    sample = linearisation.sample
+    information = linearisation.evidence.information[first.quantity] * first.slope * second.slope
+    return np.where(sample.clear & sample.first, information, 0.0)
 
 
 def _shared_gains(

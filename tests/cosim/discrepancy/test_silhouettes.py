@@ -14,6 +14,7 @@ from assets.shapes import box
 from cosim.discrepancy.analysis import Context, context_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.covariates import sample_covariates
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference import likelihood
 from cosim.discrepancy.inference.dependence import channel_slopes
 from cosim.discrepancy.inference.fit import Fitter
@@ -207,6 +208,27 @@ def test_unknown_surfaces_are_expected_near_the_sides_of_an_edge(context: Contex
     far = replace(sample, along_m=np.where(is_aside, np.abs(sample.range_m - 60), sample.along_m))
     near_loglik, far_loglik = (np.median(residuals_of(one, expected).outcome[is_aside]) for one in (aside, far))
     assert near_loglik > far_loglik + 2
+
+
+def test_returns_before_both_sides_of_an_edge_are_spurious(context: Context, frames) -> None:
+    """A beam that misses both sides goes on behind them: many returns before both are from no surface of the scene."""
+    sample = _sampled(frames)
+    is_moved = sample.edge & sample.first & (sample.sides_m[0] > 6) & (sample.sides_m[1] < 60) & (sample.beam % 4 == 0)
+    outcome, early = {}, {}
+    for name, along_m in (("before", 0.5 * sample.sides_m[0]), ("behind", sample.sides_m[1] + 5)):
+        moved = replace(
+            sample,
+            along_m=np.where(is_moved, along_m, sample.along_m),
+            beside_surface=np.where(is_moved, False, sample.beside_surface),
+        )
+        fitter = Fitter(moved)
+        fitted = fitter.at(context.initial_effects, fitter.random.start())
+        outcome[name] = np.median(fitted.residuals.outcome[is_moved])
+        score, expected = linearise(fitter, fitted, tuple(frames)).weights("early")
+        early[name] = score[is_moved].sum() / expected.sum()
+    assert is_moved.sum() > 100
+    assert outcome["before"] < outcome["behind"] - 2
+    assert early["before"] > 10 and early["behind"] < 0
 
 
 def test_likelihood_per_beam_near_edges_does_not_depend_on_the_sample_size(context: Context, frames) -> None:

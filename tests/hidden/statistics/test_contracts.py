@@ -82,7 +82,7 @@ def test_p_values_of_shared_errors_are_not_too_small(channel: str, unit: str) ->
         beams = draw_beams(rng, 2500)
         of = linearised(beams, {channel: draw_scores(rng, channel, beams)})
         shared = [one for one in shared_errors(of) if one.group.covariates == (unit,)]
-        entries = score_shared(of, shared, [], of.projector(_SETTINGS.sectors))
+        entries = score_shared(of, shared, [], of.projector(_SETTINGS.sectors).clusters, _SETTINGS.folds)
         p_values += [result.p_value for result in evaluate(entries, _SETTINGS, rng)]
     print(f"shared {channel} by {unit}: share at 5 %: {np.mean(np.array(p_values) <= 0.05):.3f}")
     assert len(p_values) > 0.9 * _NULLS
