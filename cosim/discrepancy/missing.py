@@ -201,7 +201,7 @@ def _latest_idle(context: Context, model: FittedModel, findings: Sequence[Report
 
 
 def _is_fitted(finding: ReportedTerm) -> bool:
-    """Whether a finding is a plug-in that the likelihood can judge: it leaves spurious returns near edges out."""
+    """Whether a finding is a plug-in whose gain is that of the likelihood, which omits spurious returns near edges."""
     return finding.unknown is not None and finding.unknown.curve.channel not in SPURIOUS
 
 

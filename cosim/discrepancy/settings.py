@@ -87,7 +87,7 @@ class LikelihoodConstants:
     reference_share: float = 1e-4  # share of spurious returns at which their score is evaluated
     reach_m: float = 120.0  # spurious returns are uniform up to this range
     unknown_scales_m: Pair = (0.1, 1.0)  # scales of the distance of unknown surfaces from the sides of an edge
-    least_stray_share: float = 1e-4  # minimum share of beams near edges with a return from before all surfaces
+    least_outside_share: float = 1e-4  # minimum share of beams near edges with a return from before all surfaces
     least_neither_share: float = 1e-5  # minimum share of beams near edges that hit no known surface, of each kind
     edge_octaves_m: Pair = (5.0, 160.0)  # range of distances whose octaves have their own shares
     lost_share: float = 1e-3  # minimum probability of a return, and of no return

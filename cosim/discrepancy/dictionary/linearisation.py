@@ -171,15 +171,15 @@ def _score_spurious(
     """Add scores of spurious returns (mixture directions); at edges only if no beam nearby has such a range.
 
     At edges as many returns are expected before both surfaces as there are far behind both, and the reverse: this share
-    takes the place of the reference share there.
+    is the reference share there.
     """
     constants, reference = sample.settings.likelihood, sample.settings.likelihood.reference_share
     nearest_m, farthest_m = sample.sides_at(adjusted.range_m)
     surface = np.where(sample.edge, nearest_m, np.nan_to_num(adjusted.range_m))
     behind = np.where(sample.edge, farthest_m, np.nan_to_num(adjusted.range_m))
     density = spurious_densities(sample, replace(adjusted, range_m=np.where(sample.edge, surface, adjusted.range_m)))
-    strays = sample.strays(np.stack([surface, behind]))
-    explained = _explained_nearby(sample, frames) if bent else sample.beside_surface
+    outside = sample.outside_sides(np.stack([surface, behind]))
+    explained = _explained_nearby(sample, frames) if bent else sample.surface_nearby
     first = sample.compared & sample.first
     clear, edge = first & ~sample.edge, first & sample.edge & np.isfinite(surface)
     hidden = explained if bent else np.zeros(len(sample), bool)  # deflected beams hit neighbouring surfaces
@@ -189,9 +189,9 @@ def _score_spurious(
     edge_gap = np.where(measured > behind, measured - behind, np.minimum(gap, 0.0))
     far = sample.returned & ~explained
     at_edges: Scores = {
-        "early": strays[0] * density["early"],
-        "late": strays[1] * np.exp(-np.clip(measured - behind, 0, 50)),
-        "spurious": (strays[0] | strays[1]) / constants.reach_m,
+        "early": outside[0] * density["early"],
+        "late": outside[1] * np.exp(-np.clip(measured - behind, 0, 50)),
+        "spurious": (outside[0] | outside[1]) / constants.reach_m,
     }
     for name in SPURIOUS:
         solid = np.ones(len(sample), bool) if name == "spurious" else np.isfinite(adjusted.range_m) & (surface > 1)

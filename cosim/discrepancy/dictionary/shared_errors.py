@@ -2,7 +2,7 @@
 
 The variance v of a common error has the score ½ Σ w aᵢaⱼ over pairs of beams of one unit, a the scores of the quantity,
 and the information ½ Σ w IᵢIⱼ. The weight of a unit, w = 1/(1 + v I)² with a first estimate of v and the information I
-of the unit about its error, is that of the efficient score: a unit of many beams says hardly more about v than one of a
+of the unit about its error, is that of the efficient score: a unit of many beams says little more about v than one of a
 few. Pairs that hit the same object or map cell are excluded, because a misplaced surface correlates them too.
 """
 

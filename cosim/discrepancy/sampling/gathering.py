@@ -34,8 +34,8 @@ def gather_sample(frames: Sequence[TracedFrame], chosen: Sequence[Taken]) -> Sam
         values = {"own": np.arange(count), "chance": np.ones(count), "edge": np.zeros(count, bool)} | values
         beside = _neighbour_measurements(frame, beams)
         near = np.flatnonzero(values["edge"] & (values["own"] == np.arange(count)))
-        values["beside_surface"] = np.zeros(count, bool)
-        values["beside_surface"][near] = frame.has_surface_nearby(beams[near], frame.observed.along_m[beams[near]])
+        values["surface_nearby"] = np.zeros(count, bool)
+        values["surface_nearby"][near] = frame.has_surface_nearby(beams[near], frame.observed.along_m[beams[near]])
         replays.append(FrameReplay(frame, beams, beside, values.pop("met", beams)))
         values |= {"frame": np.full(count, number), "first": values["own"] == np.arange(count)}
         columns.append(values | _columns(frame, replays[-1].solid, values) | beside)

@@ -87,7 +87,7 @@ class Sample:
         first: (n,) bool whether this is the first row of the beam.
         chance: (n,) probability that the beam hits the surface of this row; sums to 1 over the rows of a beam.
         edge: (n,) bool near an edge, so that the beam may also hit none of the surfaces.
-        beside_surface: (n,) bool near an edge, with a return from the range of a surface that nearby beams hit.
+        surface_nearby: (n,) bool near an edge, with a return from the range of a surface that nearby beams hit.
         border: (n,) bool the beam may hit another material, so that its intensity is ambiguous.
         seam: (n,) bool the same, but the measured intensity itself can decide.
         compared: (n,) bool beams that can be compared with the twin; of other beams only `above_m` is used.
@@ -134,7 +134,7 @@ class Sample:
     first: np.ndarray
     chance: np.ndarray
     edge: np.ndarray
-    beside_surface: np.ndarray
+    surface_nearby: np.ndarray
     border: np.ndarray
     seam: np.ndarray
     compared: np.ndarray
@@ -207,7 +207,7 @@ class Sample:
         np.maximum.at(farthest, self.own, np.where(np.isfinite(range_m), range_m, -np.inf))
         return np.stack([nearest, np.abs(farthest)])[:, self.own]
 
-    def strays(self, sides_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def outside_sides(self, sides_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns near edges from before all surfaces, and from behind all, where nearby beams hit none either.
 
         Args:
@@ -217,7 +217,7 @@ class Sample:
             Two masks (n,) of first rows of beams.
         """
         possible = (
-            self.compared & self.first & self.edge & self.returned & ~self.beside_surface & np.isfinite(sides_m[0])
+            self.compared & self.first & self.edge & self.returned & ~self.surface_nearby & np.isfinite(sides_m[0])
         )
         measured, apart = np.nan_to_num(self.along_m), self.settings.beams.same_m
         return possible & (measured < sides_m[0] - apart), possible & (measured > sides_m[1] + apart)

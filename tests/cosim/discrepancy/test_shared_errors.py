@@ -64,7 +64,7 @@ def test_beams_that_share_their_unit_with_no_other_gain_nothing() -> None:
     np.testing.assert_array_equal(one.gain(np.zeros(5), np.full(5, 1e-4)), 0)
 
 
-def test_an_error_shared_by_firings_is_found_instead_of_more_noise(tmp_path: Path) -> None:
+def test_diagnosis_reports_an_error_shared_by_firings_instead_of_more_noise(tmp_path: Path) -> None:
     curve = Curve("shared_range", ("firing",), ("",), (("firing",),), np.array([SHARED_M]), np.array([1e-3]))
     truth = RangeNoise(sigma_m=OWN_M, sigma_per_m=0.0), effect_of(UnknownEffect.of(curve))
     yard = make_yard(tmp_path, truth, known=(NOISE,), frames=8)

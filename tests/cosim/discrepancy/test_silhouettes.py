@@ -219,7 +219,7 @@ def test_returns_before_both_sides_of_an_edge_are_spurious(context: Context, fra
         moved = replace(
             sample,
             along_m=np.where(is_moved, along_m, sample.along_m),
-            beside_surface=np.where(is_moved, False, sample.beside_surface),
+            surface_nearby=np.where(is_moved, False, sample.surface_nearby),
         )
         fitter = Fitter(moved)
         fitted = fitter.at(context.initial_effects, fitter.random.start())
