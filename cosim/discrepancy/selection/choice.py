@@ -100,7 +100,8 @@ def choose(
     for family in FAMILIES[: FAMILIES.index(best.group.family) + 1]:  # an error also shows in later families
         of_family = [result for result in same_order if result.group.family == family]
         shortlist += _shortlist(sorted(of_family, key=lambda result: result is not best), settings)
-    shortlist += _later(best, same_order)
+    kinds = {_kind(result.group) for result in shortlist}
+    shortlist += [result for result in _leading_effects(best, same_order) if _kind(result.group) not in kinds]
     shortlist += _turned(best, results, shortlist)
     trials = []
     for result in shortlist:
@@ -245,17 +246,18 @@ def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[Grou
     return _each_kind_once([*shortlist, *_each_kind_once(named)[:3]])
 
 
-def _later(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
-    """The leading effect of each later family.
+def _leading_effects(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
+    """The leading effect of the family of the best candidate, and of each later one.
 
-    The refit of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can
-    fit losses that an effect of the returns explains better.
+    Linear gains only roughly predict exact ones: those of dependences of rare returns may be ten times larger. The refit
+    of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can fit losses
+    that an effect of the returns explains better.
     """
     leading = {}
     for result in sorted(candidates, key=lambda result: -result.gain):
         if result.group.is_effect:
             leading.setdefault(result.group.family, result)
-    return [leading[family] for family in FAMILIES[FAMILIES.index(best.group.family) + 1 :] if family in leading]
+    return [leading[family] for family in FAMILIES[FAMILIES.index(best.group.family) :] if family in leading]
 
 
 def _turned(best: GroupTest, results: Sequence[GroupTest], shortlist: Sequence[GroupTest]) -> list[GroupTest]:
