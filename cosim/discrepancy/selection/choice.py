@@ -249,9 +249,9 @@ def _shortlist(candidates: Sequence[GroupTest], settings: Settings) -> list[Grou
 def _leading_effects(best: GroupTest, candidates: Sequence[GroupTest]) -> list[GroupTest]:
     """The leading effect of the family of the best candidate, and of each later one.
 
-    Linear gains only roughly predict exact ones: those of dependences of rare returns may be ten times larger. The refit
-    of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can fit losses
-    that an effect of the returns explains better.
+    Linear gains only roughly predict exact ones: those of dependences of rare returns may be ten times larger. The
+    refit of a candidate uses all data: darker returns are also lost more often, so that a change of intensities can fit
+    losses that an effect of the returns explains better.
     """
     leading = {}
     for result in sorted(candidates, key=lambda result: -result.gain):
