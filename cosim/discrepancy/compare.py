@@ -81,7 +81,8 @@ class SliceTally:
     def add(self, frame: TracedFrame, scores: FrameScores) -> None:
         """Add a frame."""
         solid, ring = frame.shot.hits.solid, frame.shot.rays.ring
-        self._names, self._rings = frame.shot.hits.table.names, frame.shot.pattern.rings
+        self._names = max(self._names, frame.shot.hits.table.names, key=len)
+        self._rings = frame.shot.pattern.rings
         band = np.minimum(ring // _RING_BAND, _BANDS - 1)
         reach = np.searchsorted(_RANGES_M[1:], np.nan_to_num(solid.range_m, posinf=999.0), side="right")
         key = (solid.material.astype(int) * _BANDS + band) * _REACHES + reach
@@ -97,7 +98,7 @@ class SliceTally:
         ):
             keys, own = key[rows], values[rows].astype(np.float64)
             columns = (None, own, own**2, np.nan_to_num(score[rows].astype(np.float64)))
-            size = len(self._names) * _BANDS * _REACHES
+            size = max(len(self._names) * _BANDS * _REACHES, len(self._sums[channel]))
             sums = np.stack([np.bincount(keys, column, size) for column in columns], 1, dtype=float)
             sums[: len(self._sums[channel])] += self._sums[channel]
             self._sums[channel] = sums

@@ -232,18 +232,17 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
-    before, behind = sample.outside_sides(sample.sides_m)
-    counted = sample.weight * (sample.compared & sample.first & sample.edge)
-    outside_share = max(float(counted[behind].sum() / max(counted.sum(), 1.0)), constants.least_outside_share)
+    outside_share = max(sample.share_behind_sides, constants.least_outside_share)
     for edge_class in range(int(sample.edge_class.max(initial=-1)) + 1):
         rows = np.flatnonzero(sample.edge_class == edge_class)
         near = rows[sample.first[rows]]
         if not len(near):
             continue
         neither = sample.unknown_surfaces[:, near]
-        weight = np.where(before[near] & ~before[near].all(), 0.0, sample.weight[near])
+        before = sample.is_before_sides[near]
+        weight = np.where(before & ~before.all(), 0.0, sample.weight[near])
         share = mixture_weights(likelihood[near], neither, weight, constants)
-        neither[-2] = np.where(before[near], neither[-2] * min(outside_share / share[-2], 1.0), neither[-2])
+        neither[-2] *= np.where(before, min(outside_share / share[-2], 1.0), 1.0)
         either = 1 - share.sum()
         likelihood[near] = either * likelihood[near] + share @ neither
         met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]

@@ -207,6 +207,17 @@ class Sample:
         np.maximum.at(farthest, self.own, np.where(np.isfinite(range_m), range_m, -np.inf))
         return np.stack([nearest, np.abs(farthest)])[:, self.own]
 
+    @cached_property
+    def is_before_sides(self) -> np.ndarray:
+        """(n,) bool returns near edges from before all traced surfaces, see `outside_sides`."""
+        return self.outside_sides(self.sides_m)[0]
+
+    @cached_property
+    def share_behind_sides(self) -> float:
+        """Share of the beams near edges with a return from behind all traced surfaces, see `outside_sides`."""
+        beams = self.weight * (self.compared & self.first & self.edge)
+        return float(beams[self.outside_sides(self.sides_m)[1]].sum() / max(beams.sum(), 1.0))
+
     def outside_sides(self, sides_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns near edges from before all surfaces, and from behind all, where nearby beams hit none either.
 

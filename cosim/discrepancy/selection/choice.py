@@ -145,18 +145,15 @@ def _with_shared(model: FittedModel, evidence: SelectionEvidence, result: GroupT
 
     Scores of residuals that are large for the model's noise are bounded: the variance is estimated again with it.
     """
-    term, after, linearisation = (
-        Term(result.group, result.p_value, result.gain, result.gain),
-        model,
-        evidence.linearisation,
-    )
-    dependences, size = model.fitted.dependences, 0.0
+    term = Term(result.group, result.p_value, result.gain, result.gain)
+    after, linearisation = model, evidence.linearisation
+    effects, dependences, size = model.fitted.effects, model.fitted.dependences, 0.0
     for _ in range(settings.descent.steps):
         curve = curve_of(linearisation, term, settings.selection.sectors)
         assert curve is not None  # shared errors have one
         effects = (*model.fitted.effects, effect_of(UnknownEffect.of(curve)))
         size, before = float(curve.y[0]), size
-        if abs(size - before) < _SAME_SIZE * size:
+        if abs(size - before) <= _SAME_SIZE * size:
             break
         after = replace(model, fitted=fit_again(after, effects, model.free, dependences, 1))
         linearisation = linearise(after.fitter, after.fitted, after.frames)

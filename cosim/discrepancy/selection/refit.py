@@ -69,8 +69,12 @@ class FittedModel:
 
     @property
     def shared(self) -> tuple[str, ...]:
-        """Names of the selected shared errors."""
-        return tuple(term.group.name for term in self.terms if term.group.is_shared)
+        """Names of the shared errors in the model, selected ones and those of the given sensor."""
+        return tuple(
+            f"{effect.channel} by {getattr(effect, 'shared_by')}"  # noqa: B009
+            for effect in self.fitted.effects
+            if effect.channel.startswith("shared_")
+        )
 
     def index_of(self, term: Term) -> int | None:
         """Index of a term's effect; None where it is no effect of the model."""

@@ -72,3 +72,4 @@ def test_diagnosis_reports_an_error_shared_by_firings_instead_of_more_noise(tmp_
     assert not found.effects
     assert [(one.curve.channel, one.curve.covariates) for one in found.unknowns] == [("shared_range", ("firing",))]
     assert found.unknowns[0].parameters["sigma"] == pytest.approx(SHARED_M, rel=0.15)
+    assert diagnose(yard.drive, found.sensor).verdict == "none"
