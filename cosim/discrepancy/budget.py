@@ -259,7 +259,7 @@ class Aligned:
         """One frame; the last one requested is kept, because before and after are often the same."""
         if self._last is None or self._last.number != number:
             frame = self._frames[number]
-            if number not in self._ensembles:  # about 4 MB each
+            if number not in self._ensembles:
                 members = Ensemble.of(frame, self._effects, model_chance(0, number), self._origin)
                 self._ensembles[number] = members, self._ambiguous(frame, members) if any(self._tolerance) else None
             members, wide = self._ensembles[number]
