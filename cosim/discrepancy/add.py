@@ -192,7 +192,9 @@ def _start(
     entries = score_groups(linearisation, groups, linearisation.projector(by.sectors), by)
     model = FittedModel(on.frames, fitter, on.fitted)
     fits = [
-        refit_with(model, linearisation, entry.group, entry.start, fine=True, steps=_START_STEPS)[0]
+        refit_with(
+            model, linearisation, entry.group, entry.start, fine=True, steps=_START_STEPS, absorbed=entry.absorbed
+        )[0]
         for entry in entries
     ]
     if not fits:

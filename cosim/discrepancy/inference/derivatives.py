@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from cosim.discrepancy.candidates import Unknown, with_values
 from cosim.discrepancy.inference.parameters import Free, has_moved
 from cosim.discrepancy.inference.score import Column, Quantity, change
 from cosim.discrepancy.sampling.sample import Prediction, Sample
-from sensors.effects.base import Effect
+from sensors.effects.acting import bending
+from sensors.effects.base import BeamEffect, Effect
 
 _CACHED_MODELS = 4  # number of models whose derivatives are cached
 
@@ -54,6 +55,8 @@ def difference_quotients(
     Central differences if ranges change, otherwise one-sided ones. Ranges are nonlinear in beam angles where the
     incidence is grazing: their derivative is the harmonic mean of the two one-sided differences, which is exact for a
     plane (R = c/ε at a small angle ε to it), and 0 where they differ in sign (van Leer, J. Comput. Phys. 14, 1974).
+    Where beams are deflected, the range is that of the plane which the centre of the beam hits, as for pose errors:
+    what the rest of a footprint hits near an edge changes in jumps.
 
     Args:
         sample: sample of measured beams.
@@ -65,16 +68,23 @@ def difference_quotients(
     """
     effect = effects[index]
     value = np.asarray(getattr(effect, unknown.name), float)
+    is_two_sided = bool(np.all(np.clip(value - step, unknown.low, unknown.high) == value - step))
+    centres = sample.predict(bending(effects)) if isinstance(effect, BeamEffect) else None
 
     def predict(value: np.ndarray) -> Prediction:
         moved = with_values(effect, {unknown.name: value})
-        return sample.predict((*effects[:index], moved, *effects[index + 1 :]))
+        model = (*effects[:index], moved, *effects[index + 1 :])
+        predicted = sample.predict(model)
+        if centres is None:
+            return predicted
+        by_centre = at.range_m + sample.predict(bending(model)).range_m - centres.range_m
+        return replace(predicted, range_m=by_centre)
 
     def difference(before: Prediction, after: Prediction) -> dict[Quantity, np.ndarray]:
         return {name: values / step for name, values in change(sample, before, after).items()}
 
     right = difference(at, predict(value + step))
-    if "range" not in right or np.any(np.clip(value - step, unknown.low, unknown.high) != value - step):
+    if "range" not in right or not is_two_sided:
         return right
     left = difference(predict(value - step), at)
     zeros = np.zeros(len(sample))

@@ -120,6 +120,12 @@ class Projector:
             is_of_random,
         )  # fmt: skip
 
+    def of_all(self, x: np.ndarray) -> np.ndarray:
+        """Coefficients (m, k) of all random effects from those (a, k) of the active ones."""
+        whole = np.zeros((len(self._estimate.u), x.shape[1]))
+        whole[self._model.used] = x
+        return whole
+
     def random_stratum(self, x: np.ndarray, one_sided: bool = False) -> RandomStratum | None:
         """Regression on columns with coefficients x (a, k) of the random effects that beams determine, or None.
 

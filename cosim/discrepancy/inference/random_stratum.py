@@ -13,12 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
+from cosim.discrepancy.inference.predictive_test import FREEDOM, p_of_predictions
+
 _FEWEST = 3  # random effects of a component from which a variance is estimated
 _ROUNDS = 8
 _ROUNDS_AGAIN = 3  # from the fit to all random effects
 _RIDGE = 1e-3  # share of the information
 _NEGLIGIBLE = 1e-12  # scale
-_FREEDOM = 3  # of the distribution of random effects: few objects have large errors
+_CONCERNED = 0.01  # least share of the information in a component
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,19 @@ class RandomStratum:
                 gains[number] = about_mean - _loglik(self.u[held], none[at])
         return gains
 
+    def p_of_predictions(self) -> float:
+        """Bound on the p-value, from predictions of one part of the drive by the others; see `predictive_test`.
+
+        Only components with a share of the information take part.
+        """
+        scale = self._scales_about_none[self.component]
+        known = np.bincount(self.component, (self.x**2).sum(1) / scale**2, self.components)
+        rows = np.flatnonzero(known[self.component] > _CONCERNED * known.sum())
+        if not len(rows):
+            return 1.0
+        number = np.unique(self.component[rows], return_inverse=True)[1]
+        return p_of_predictions(self.u[rows], self.x[rows], number, self.clusters[0][rows], self.one_sided)
+
     @property
     def _weight(self) -> np.ndarray:
         """Weight (a,) of each random effect about the best fit."""
@@ -131,7 +146,7 @@ class RandomStratum:
 
     def _weights(self, residual: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """Weights (a,) of residuals with a Student-t distribution."""
-        return (_FREEDOM + 1) / (_FREEDOM + (residual / scale[self.component]) ** 2)
+        return (FREEDOM + 1) / (FREEDOM + (residual / scale[self.component]) ** 2)
 
     def _scales(self, residual: np.ndarray, used: np.ndarray, scale: np.ndarray | None = None) -> np.ndarray:
         """Scales (components,) of residuals (a,): one step from `scale`, or from their mean absolute values."""
@@ -145,7 +160,7 @@ class RandomStratum:
 
 def _loglik(residual: np.ndarray, scale: np.ndarray) -> float:
     """Log-likelihood of residuals with a Student-t distribution, up to a constant for each."""
-    return -float(np.sum((_FREEDOM + 1) / 2 * np.log1p((residual / scale) ** 2 / _FREEDOM) + np.log(scale)))
+    return -float(np.sum((FREEDOM + 1) / 2 * np.log1p((residual / scale) ** 2 / FREEDOM) + np.log(scale)))
 
 
 def _summed(values: np.ndarray, cluster: np.ndarray, count: int) -> np.ndarray:

@@ -108,7 +108,10 @@ def choose(
         # Shape parameters of effects, and what random effects have absorbed, start far from their values.
         is_far = result.group.is_effect or result.entry.is_of_random
         steps = settings.descent.steps if is_far else _ROUGH_STEPS
-        after, _ = refit_with(model, evidence.linearisation, result.group, result.entry.start, fine=False, steps=steps)
+        after, _ = refit_with(
+            model, evidence.linearisation, result.group, result.entry.start, fine=False, steps=steps,
+            absorbed=result.entry.absorbed,
+        )  # fmt: skip
         trials.append(_Trial(result, after.loglik - model.loglik, after))
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
@@ -129,6 +132,8 @@ def choose(
     p_value, penalty = result.p_value, group.size * max(result.entry.cell.dispersion, 1.0)
     if p_value > settings.selection.level or result.entry.is_of_random:
         p_of_one = p_of_gain(model, after, group, penalty, settings.selection)
+        if group is result.group:
+            p_of_one = 2 * min(p_of_one, result.entry.p_of_predictions)
         p_value = min(p_of_one * evidence.dictionary.tested, 1.0)
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
@@ -191,7 +196,10 @@ def _by_laser(
     for result in evidence.results:
         other = result.group
         if other.is_effect and other.size == linearisation.fitter.rings and other.family == group.family:
-            after, _ = refit_with(model, linearisation, other, result.entry.start, fine=False, steps=STEPS)
+            after, _ = refit_with(
+                model, linearisation, other, result.entry.start, fine=False, steps=STEPS,
+                absorbed=result.entry.absorbed,
+            )  # fmt: skip
             if after.loglik - model.loglik > needed * (best.loglik - model.loglik):
                 best, group = after, other
     return best, group

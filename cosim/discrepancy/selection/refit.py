@@ -18,6 +18,7 @@ from cosim.discrepancy.dictionary.periodic import line_group, wave_groups
 from cosim.discrepancy.inference.dependence import Dependence
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.parameters import all_free
+from cosim.discrepancy.inference.random_effects import Estimate
 from sensors.effects.base import Effect
 
 _REFIT_STEPS = 10
@@ -84,7 +85,14 @@ class FittedModel:
 
 
 def refit_with(
-    model: FittedModel, linearisation: Linearisation, group: Group, start: np.ndarray, *, fine: bool, steps: int
+    model: FittedModel,
+    linearisation: Linearisation,
+    group: Group,
+    start: np.ndarray,
+    *,
+    fine: bool,
+    steps: int,
+    absorbed: np.ndarray | None = None,
 ) -> tuple[FittedModel, Group]:
     """Fit a model with one group more, without its entry among the terms; and the group in the bins that were fitted.
 
@@ -95,13 +103,14 @@ def refit_with(
         start: (k,) initial coefficients, `Entry.start`.
         fine: whether a dependence is fitted in its finest bins.
         steps: Gauss–Newton steps at most.
+        absorbed: (m, k) changes of the random effects that change beams like an effect's columns, `Entry.absorbed`.
     """
     fitter, fitted = model.fitter, model.fitted
     if group.is_effect:
-        effects, index = _with_effect(model, group, start)
+        effects, index, estimate = _with_effect(model, group, start, absorbed)
         free = model.free if index in model.free else (*model.free, index)
         after = fitter.fit(
-            effects, all_free(effects, free, fitter.rings), fitted.estimate, steps=steps, roughly=True,
+            effects, all_free(effects, free, fitter.rings), estimate, steps=steps, roughly=True,
             dependences=fitted.dependences, widened=group.family == "range", simplified=not fine,
         )  # fmt: skip
         return replace(model, fitted=after, free=free), group
@@ -211,21 +220,32 @@ def finest(linearisation: Linearisation, group: Group) -> Group:
     return group if found is None or found.size < group.size else found
 
 
-def _with_effect(model: FittedModel, group: Group, coefficients: np.ndarray) -> tuple[tuple[Effect, ...], int]:
-    """Effects with the candidate at the most likely of a few strengths, and its index."""
+def _with_effect(
+    model: FittedModel, group: Group, coefficients: np.ndarray, absorbed: np.ndarray | None
+) -> tuple[tuple[Effect, ...], int, Estimate]:
+    """Effects with the candidate at the most likely of a few strengths, its index, and random effects to start from.
+
+    Random effects start from their values, or from what is left of them if the effect gets back what they absorbed.
+    """
     tangent, fitter, fitted = group.tangent, model.fitter, model.fitted
     assert tangent is not None  # of an effect
-    effects, index = fitted.effects, tangent.index
+    effects, index, estimate = fitted.effects, tangent.index, fitted.estimate
     names = [effect.name for effect in effects]
     if index is None and tangent.effect.name in names:
         index = names.index(tangent.effect.name)
     position = len(effects) if index is None else index
     weak = tangent.effect
     if not tangent.amplitude:
-        return (*effects[:position], weak, *effects[position + 1 :]), position
+        return (*effects[:position], weak, *effects[position + 1 :]), position, estimate
     off = np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step
     size = coefficients * tangent.step if group.direct is not None else coefficients
-    size = size if off.ndim else float(size[0])
-    trials = [with_values(weak, {tangent.amplitude: off + strength * size}) for strength in _STRENGTHS]
-    models = [(*effects[:position], trial, *effects[position + 1 :]) for trial in trials]
-    return min(models, key=lambda effects: fitter.start_loss(effects, fitted)), position
+    starts = []
+    for strength in _STRENGTHS:
+        by = strength * size if off.ndim else strength * float(size[0])
+        trial = with_values(weak, {tangent.amplitude: off + by})
+        model_with = (*effects[:position], trial, *effects[position + 1 :])
+        starts.append((model_with, estimate))
+        if absorbed is not None and absorbed.size:
+            starts.append((model_with, replace(estimate, u=estimate.u - absorbed @ (strength * coefficients))))
+    best, start = min(starts, key=lambda one: fitter.start_loss(*one, fitted.dependences))
+    return best, position, start

@@ -24,6 +24,7 @@ from cosim.discrepancy.selection.returns import count_returns, effect_gains, exp
 from cosim.discrepancy.settings import Selection
 
 _RIDGE = 1e-2  # of correlations: nearly collinear columns of one group
+_ABSORBED = 0.5  # share of the information left below which random effects have absorbed most of an effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,9 @@ class Entry:
         event: (k,) weight of one event of counts, else 1.
         unit: of the coefficients, in the channel's unit: the reference share for counts, else 1.
         implied: (k,) squares of the scores that independent beams have; empty: the information.
+        p_of_predictions: bound on the p-value of this group alone from predictions of random effects; 1 for beams.
+        absorbed: (m, k) changes of all random effects that change beams like the columns of an effect; empty where
+            beams distinguish it from random effects.
     """
 
     group: Group
@@ -55,6 +59,8 @@ class Entry:
     event: np.ndarray
     unit: float = 1.0
     implied: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    p_of_predictions: float = 1.0
+    absorbed: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def expected_events(self) -> tuple[np.ndarray, ...]:
@@ -254,8 +260,11 @@ def _project(
         if left.max(initial=0.0) < settings.least_left or not np.diag(information).max(initial=0.0) > 0:
             continue
         is_of_random = bool(found.is_of_random[own].all())
+        absorbed = np.zeros((0, 0))
+        if group.is_effect and (is_of_random or left.max() < _ABSORBED):
+            absorbed = projector.of_all(found.random[:, own])
         if is_of_random or (group.is_effect and group.size == 1):
-            entries += _of_random(group, found.random[:, own], projector, settings)
+            entries += _of_random(group, found.random[:, own], absorbed, projector, settings)
         if is_of_random:
             continue
         tables = found.tables[TRACK][:, own], found.tables[PART][:, own]
@@ -283,18 +292,21 @@ def _project(
         entries.append(
             Entry(
                 group, tables, cluster_information, information, variance, left, cell, group.is_count, event, unit,
-                implied,
+                implied, absorbed=absorbed,
             )
         )  # fmt: skip
     return entries
 
 
-def _of_random(group: Group, x: np.ndarray, projector: Projector, settings: Selection) -> list[Entry]:
+def _of_random(
+    group: Group, x: np.ndarray, absorbed: np.ndarray, projector: Projector, settings: Selection
+) -> list[Entry]:
     """Entry of a group from what the random effects have in common with it; none if they have nothing.
 
     Args:
         group: the hypothesis.
         x: (a, k) coefficients of its columns in a regression on the random effects.
+        absorbed: as in `Entry`.
         projector: of these scores.
         settings: numeric choices.
     """
@@ -310,7 +322,13 @@ def _of_random(group: Group, x: np.ndarray, projector: Projector, settings: Sele
     cell = Cell("random", stratum.information, group.one_sided, 1.0, gains)
     variance = np.maximum(scatter, np.diag(stratum.information))
     ones = np.ones(group.size)
-    return [Entry(group, tables, cluster_information, stratum.information, variance, ones, cell, False, ones)]
+    p_of_predictions = stratum.p_of_predictions()
+    return [
+        Entry(
+            group, tables, cluster_information, stratum.information, variance, ones, cell, False, ones,
+            p_of_predictions=p_of_predictions, absorbed=absorbed,
+        )
+    ]  # fmt: skip
 
 
 def _direct(
