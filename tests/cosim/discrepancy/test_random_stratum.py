@@ -57,6 +57,22 @@ def test_independent_errors_gain_nothing() -> None:
     assert max(gains) < 6
 
 
+def test_later_scans_are_predicted_by_earlier_ones() -> None:
+    assert max(_stratum(DELAY_S, seed, outliers=True).p_of_predictions() for seed in range(10)) < 1e-6
+    assert np.mean([_stratum(0.0, seed).p_of_predictions() < 0.05 for seed in range(100)]) <= 0.05
+
+
+def test_two_quantities_that_drift_are_not_related() -> None:
+    """Random walks of the errors and of the speed correlate, but neither predicts how the other goes on."""
+    p_values = []
+    for seed in range(200):
+        rng, scans = np.random.default_rng(seed), np.arange(40)
+        u, x = (rng.normal(size=len(scans)).cumsum() for _ in range(2))
+        stratum = RandomStratum(u, x[:, None], np.zeros(len(scans), int), 1, (scans, scans), (len(scans),) * 2)
+        p_values.append(stratum.p_of_predictions())
+    assert np.mean(np.array(p_values) < 0.05) <= 0.05
+
+
 def test_components_of_few_random_effects_predict_nothing() -> None:
     one = _stratum(DELAY_S, 0)
     few = np.concatenate([np.arange(2), np.arange(SCANS, SCANS + 2)])
