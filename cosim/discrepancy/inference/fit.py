@@ -191,11 +191,9 @@ class Fitter:
         """Return the penalised negative log-likelihood as a function of the effects; all else is fixed."""
         return lambda effects: -self._penalised_loglik(self._state(effects, estimate, dependences=dependences))
 
-    def start_loss(
-        self, effects: tuple[Effect, ...], estimate: Estimate, dependences: tuple[Dependence, ...] = ()
-    ) -> float:
-        """Penalised negative log-likelihood at the start of a fit that is initialised by an estimate."""
-        start = self._start(effects, estimate, dependences)
+    def start_loss(self, effects: tuple[Effect, ...], fitted: Fitted) -> float:
+        """Penalised negative log-likelihood of effects at the start of a fit that is initialised by another fit."""
+        start = self._start(effects, fitted.estimate, fitted.dependences)
         return -self._penalised_loglik(self._optimise_albedo(start, 0.0))
 
     def losses(self, effects: tuple[Effect, ...], estimate: Estimate) -> np.ndarray:

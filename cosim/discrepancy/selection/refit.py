@@ -107,13 +107,16 @@ def refit_with(
     """
     fitter, fitted = model.fitter, model.fitted
     if group.is_effect:
-        effects, index, estimate = _with_effect(model, group, start, absorbed)
+        starts, index = _starts(model, group, start, absorbed)
         free = model.free if index in model.free else (*model.free, index)
-        after = fitter.fit(
-            effects, all_free(effects, free, fitter.rings), estimate, steps=steps, roughly=True,
-            dependences=fitted.dependences, widened=group.family == "range", simplified=not fine,
-        )  # fmt: skip
-        return replace(model, fitted=after, free=free), group
+        fits = [
+            fitter.fit(
+                effects, all_free(effects, free, fitter.rings), estimate, steps=steps, roughly=True,
+                dependences=fitted.dependences, widened=group.family == "range", simplified=not fine,
+            )
+            for effects, estimate in starts
+        ]  # fmt: skip
+        return replace(model, fitted=max(fits, key=lambda fit: fit.loglik), free=free), group
     if fine:
         group = finest(linearisation, group)
         start = np.zeros(group.size)
@@ -220,12 +223,13 @@ def finest(linearisation: Linearisation, group: Group) -> Group:
     return group if found is None or found.size < group.size else found
 
 
-def _with_effect(
+def _starts(
     model: FittedModel, group: Group, coefficients: np.ndarray, absorbed: np.ndarray | None
-) -> tuple[tuple[Effect, ...], int, Estimate]:
-    """Effects with the candidate at the most likely of a few strengths, its index, and random effects to start from.
+) -> tuple[list[tuple[tuple[Effect, ...], Estimate]], int]:
+    """Effects with the candidate and random effects from which fits may start, and the index of the candidate.
 
-    Random effects start from their values, or from what is left of them if the effect gets back what they absorbed.
+    The candidate has the most likely of a few strengths. If random effects have absorbed it, a second fit starts where
+    it has its full strength and they have lost what they absorbed.
     """
     tangent, fitter, fitted = group.tangent, model.fitter, model.fitted
     assert tangent is not None  # of an effect
@@ -236,16 +240,13 @@ def _with_effect(
     position = len(effects) if index is None else index
     weak = tangent.effect
     if not tangent.amplitude:
-        return (*effects[:position], weak, *effects[position + 1 :]), position, estimate
+        return [((*effects[:position], weak, *effects[position + 1 :]), estimate)], position
     off = np.asarray(getattr(weak, tangent.amplitude), float) - tangent.step
     size = coefficients * tangent.step if group.direct is not None else coefficients
-    starts = []
-    for strength in _STRENGTHS:
-        by = strength * size if off.ndim else strength * float(size[0])
-        trial = with_values(weak, {tangent.amplitude: off + by})
-        model_with = (*effects[:position], trial, *effects[position + 1 :])
-        starts.append((model_with, estimate))
-        if absorbed is not None and absorbed.size:
-            starts.append((model_with, replace(estimate, u=estimate.u - absorbed @ (strength * coefficients))))
-    best, start = min(starts, key=lambda one: fitter.start_loss(*one, fitted.dependences))
-    return best, position, start
+    size = size if off.ndim else float(size[0])
+    trials = [with_values(weak, {tangent.amplitude: off + strength * size}) for strength in _STRENGTHS]
+    models = [(*effects[:position], trial, *effects[position + 1 :]) for trial in trials]
+    starts = [(min(models, key=lambda effects: fitter.start_loss(effects, fitted)), estimate)]
+    if absorbed is not None and absorbed.size:
+        starts.append((models[0], replace(estimate, u=estimate.u - absorbed @ coefficients)))
+    return starts, position
