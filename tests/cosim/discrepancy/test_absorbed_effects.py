@@ -19,7 +19,7 @@ from cosim.discrepancy.selection.table import GroupTest
 from sensors.effects.beams.mount_rotation import MountRotation
 from sensors.effects.surfaces.beam_divergence import BeamDivergence
 from tests.cosim.discrepancy.small_drive import Yard, fit_yard, make_yard
-from tests.cosim.discrepancy.test_random_effects import NOISY, shaken_yard
+from tests.cosim.discrepancy.test_random_effects import shaken_yard
 
 PITCH_DEG = 0.4
 
