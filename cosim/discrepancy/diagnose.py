@@ -26,7 +26,6 @@ from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_ri
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.evidence_matrix import evidence_matrix
-from cosim.discrepancy.inference.intervals import intervals
 from cosim.discrepancy.missing import Missing, ReportedTerm, find_missing
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
@@ -129,8 +128,7 @@ def conclude(
     context.on_progress("measuring errors on held-out frames")
     model, first, last = missing.model, missing.first, missing.last
     fitted, findings = model.fitted, (*facts, *missing.findings)
-    ci95 = intervals(model.fitter, fitted) if fitted.free else {}
-    on = FittedFrames(context.split.fit, model.frames, model.fitter, fitted)
+    on, ci95 = FittedFrames(context.split.fit, model.frames, model.fitter, fitted), missing.ci95
     budget, frame_pairs = budget_of(context, missing.held_out(context), _steps(context, fitted.effects, findings))
     needed = _needed(context, frame_pairs, budget, fitted.effects, findings)
     effects, unknowns = [], []

@@ -54,6 +54,7 @@ class Missing:
         findings: effects and plug-ins, in the order in which they were added.
         phases: dependences that no formula predicts.
         first, last: evidence about the model before and after.
+        ci95: intervals of the model's parameters by effect.
     """
 
     model: FittedModel
@@ -61,6 +62,7 @@ class Missing:
     phases: tuple[Term, ...]
     first: SelectionEvidence
     last: SelectionEvidence
+    ci95: dict[str, dict[str, Any]]
 
     def is_contradicted(self, budget: Budget, context: Context) -> bool:
         """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
@@ -85,7 +87,7 @@ class Missing:
 
     def without_findings(self, model: FittedModel) -> Missing:
         """Nothing missing: the model before the search, with everything significant unexplained."""
-        return replace(self, model=model, findings=(), phases=(), last=self.first)
+        return Missing(model, (), (), self.first, self.first, _intervals(model))
 
     def held_out(self, context: Context, traced: Sequence[TracedFrame] | None = None) -> FittedFrames:
         """The held-out frames, to which only nuisance parameters are fitted; the others if none is held out."""
@@ -99,8 +101,8 @@ def find_missing(context: Context, model: FittedModel) -> Missing:
     """Select terms, turn them into effects, and drop those whose intervals include no change."""
     first, last, selected = select(context, model)
     selected, findings, phases = convert_terms(context, selected)
-    selected, findings, dropped = drop_insignificant(context, selected, findings)
-    return Missing(selected, findings, (*phases, *dropped), first, last)
+    selected, findings, dropped, ci95 = drop_insignificant(context, selected, findings)
+    return Missing(selected, findings, (*phases, *dropped), first, last, ci95)
 
 
 def select(context: Context, model: FittedModel) -> tuple[SelectionEvidence, SelectionEvidence, FittedModel]:
@@ -156,18 +158,14 @@ def convert_terms(
     if effects == model.fitted.effects and not model.fitted.dependences:
         return model, tuple(findings), tuple(phases)
     context.on_progress("fitting formulas")
-    fitter = model.fitter
-    fitted = fitter.fit(effects, all_free(effects, free, fitter.rings), model.fitted.estimate)
-    converted = replace(model, fitted=fitted, free=free)
-    if not is_accurate(fitter, fitted.effects):
-        on = trace_and_fit(context, [frame.name for frame in model.frames], fitted.effects, free)
-        converted = replace(converted, frames=on.frames, fitter=on.fitter, fitted=on.fitted)
-    return converted, tuple(findings), tuple(phases)
+    fitted = model.fitter.fit(effects, all_free(effects, free, model.fitter.rings), model.fitted.estimate)
+    converted = retrace(context, replace(model, fitted=fitted, free=free, terms=()))
+    return replace(converted, terms=model.terms), tuple(findings), tuple(phases)
 
 
 def drop_insignificant(
     context: Context, model: FittedModel, findings: Sequence[ReportedTerm]
-) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...]]:
+) -> tuple[FittedModel, tuple[ReportedTerm, ...], tuple[Term, ...], dict[str, dict[str, Any]]]:
     """Drop findings of which every amplitude's interval includes no change, and plug-ins that gain nothing.
 
     One after the other, the latest first, and the rest is fitted again: if two findings compensate each other, both
@@ -175,22 +173,29 @@ def drop_insignificant(
     an added effect, and the given value of an effect that the sensor has.
 
     Returns:
-        The model; the findings that are left; and terms of dropped plug-ins, whose curves no formula describes.
+        The model; the findings that are left; terms of dropped plug-ins, whose curves no formula describes; and the
+        intervals of the model's parameters.
     """
     findings, terms = tuple(findings), {term.group.name: term for term in model.terms}
-    listed = list[Term]()
-    while idle := _latest_idle(context, model, findings):
+    listed, ci95 = list[Term](), _intervals(model)
+    while idle := _latest_idle(context, model, findings, ci95):
         context.on_progress(f"dropped {idle.name}: its influence does not differ from none")
         model = _without_effect(context, model, idle.name)
+        ci95 = _intervals(model)
         findings = tuple(one for one in findings if one is not idle)
         if idle.unknown is not None:
             listed.append(terms[idle.term])
-    return model, findings, tuple(listed)
+    return model, findings, tuple(listed), ci95
 
 
-def _latest_idle(context: Context, model: FittedModel, findings: Sequence[ReportedTerm]) -> ReportedTerm | None:
+def _intervals(model: FittedModel) -> dict[str, dict[str, Any]]:
+    return intervals(model.fitter, model.fitted) if model.fitted.free else {}
+
+
+def _latest_idle(
+    context: Context, model: FittedModel, findings: Sequence[ReportedTerm], ci95: dict[str, dict[str, Any]]
+) -> ReportedTerm | None:
     """The latest finding without an influence that differs from none, or nothing."""
-    ci95 = intervals(model.fitter, model.fitted) if model.fitted.free else {}
     testable = [one for one in reversed(findings) if one.interval is None and not one.is_shared]
     is_idle = (
         one for one in testable

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.hidden.amplitudes import STRENGTHS
 from tests.hidden.cases import UNSEEN_GROUPS, Case
 from tests.hidden.truth import Finding
 
@@ -41,6 +42,7 @@ def score(case: Case, result: Mapping[str, Any]) -> dict[str, Any]:
     findings = [Finding.from_json(document) for document in truth.get("findings", [])]
     row |= _effects(set(truth.get("effects", {})), findings, diagnosis) | _errors(diagnosis, result)
     row |= _parameters(truth.get("effects", {}), diagnosis["effects"])
+    row["detectable"] = _detectable(truth.get("effects", {}), diagnosis)
     row |= _budgets(diagnosis, compare.get("json"))
     if case.group in UNSEEN_GROUPS:
         row |= _unseen(findings, diagnosis, row)
@@ -155,6 +157,26 @@ def _unseen(findings: list[Finding], diagnosis: Mapping[str, Any], row: Mapping[
         "has_false": bool(false) or bool(row["false_effects"]),
         "claimed_r2": min((r2 for r2 in claimed if r2 is not None), default=None),
     }
+
+
+def _detectable(hidden: Mapping[str, Mapping], diagnosis: Mapping[str, Any]) -> bool | None:
+    """Whether each hidden effect was found, or is as large as the diagnosis says that it detects.
+
+    None if the diagnosis says nothing about an effect, for example because no beam meets what it acts on.
+    """
+    found, smallest = {entry["effect"] for entry in diagnosis["effects"]}, diagnosis.get("smallest_detectable") or {}
+    answers = [
+        True if name in found else _is_large(name, params, smallest.get(name)) for name, params in hidden.items()
+    ]
+    return None if None in answers else all(answers)
+
+
+def _is_large(name: str, params: Mapping[str, Any], smallest: Mapping[str, float] | None) -> bool | None:
+    """Whether an amplitude of an effect, in root mean square for lists, is at least the smallest detectable one."""
+    if not smallest:
+        return None
+    changes = {key: np.asarray(params[key], float) - STRENGTHS[name].base for key in smallest if key in params}
+    return any(float(np.sqrt(np.mean(change**2))) >= smallest[key] for key, change in changes.items())
 
 
 def _any_accepts(finding: Finding, entries: Sequence[Mapping[str, Any]]) -> bool:

@@ -54,6 +54,19 @@ def test_the_right_effect_and_its_intervals_count() -> None:
     assert row["covered"] == [True, False]
 
 
+def test_a_missed_effect_is_compared_with_what_the_diagnosis_says_that_it_detects() -> None:
+    def detectable(hidden: dict, effects: Sequence[dict] = (), **smallest: dict) -> bool | None:
+        return score(_case(), _answer(effects, hidden=hidden, smallest_detectable=smallest))["detectable"]
+
+    assert detectable(_WALK, range_walk={"amplitude_m": 0.04}) is True
+    assert detectable(_WALK, range_walk={"amplitude_m": 0.06}) is False
+    assert detectable(_WALK) is None
+    assert detectable(_WALK, [_effect("range_walk")]) is True
+    reflector = {"retroreflection": {"gain": 1.5}}
+    assert detectable(reflector, retroreflection={"gain": 0.6}) is False, "a gain of 1 changes nothing"
+    assert detectable({"ring_gain": {"gains": [0.9, 1.1]}}, ring_gain={"gains": 0.05}) is True
+
+
 def test_a_confused_effect_counts_in_the_set_only() -> None:
     entry = _effect("range_bias", also_possible=["range_walk"])
     row = score(_case(), _answer([entry], hidden=_WALK))

@@ -4,7 +4,7 @@ A hypothesis about errors of poses concerns few scans, so that random signs show
 part of the drive is predicted from the parts before it, with and without the hypothesis. If nothing is missing, the
 ratio of the predictive likelihood to the largest one without the hypothesis exceeds 1/α with a probability of at most α
 (universal inference: Wasserman, Ramdas and Balakrishnan, PNAS 117, 2020). The errors of successive scans may depend on
-each other: two quantities that merely drift always correlate (Granger and Newbold, J. Econometrics 2, 1974). Each
+each other: two quantities that drift always correlate (Granger and Newbold, J. Econometrics 2, 1974). Each
 component therefore is an autoregression of first order, estimated together with the coefficients (Cochrane and Orcutt,
 J. Am. Stat. Assoc. 44, 1949).
 """
@@ -129,11 +129,11 @@ def p_of_predictions(
     before[np.flatnonzero(np.diff(component, prepend=-1))] = -1
     after = np.arange(len(u)) + 1
     after[np.flatnonzero(np.diff(component, append=component[-1:] + 1))] = -1
-    ratios = [
+    forwards, backwards = (
         _log_ratio(_Regression(u[order], x[order], component, neighbour, one_sided), each)
         for neighbour, each in ((before, part), (after, _PARTS - 1 - part))
-    ]
-    return float(np.exp(min(np.log(2) - np.logaddexp(*ratios), 0.0)))
+    )
+    return float(np.exp(min(np.log(2) - np.logaddexp(forwards, backwards), 0.0)))
 
 
 def _parts(component: np.ndarray, cluster: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ class Entry:
         event: (k,) weight of one event of counts, else 1.
         unit: of the coefficients, in the channel's unit: the reference share for counts, else 1.
         implied: (k,) squares of the scores that independent beams have; empty: the information.
-        p_of_predictions: bound on the p-value of this group alone from predictions of random effects; 1 for beams.
+        p_of_predictions: bound on the p-value of only this group, from predictions of random effects; 1 for beams.
         absorbed: (m, k) changes of all random effects that change beams like the columns of an effect; empty where
             beams distinguish it from random effects.
     """

@@ -32,7 +32,7 @@ def test_of_two_findings_that_compensate_each_other_the_first_stays(tmp_path: Pa
     both = (*context.initial_effects, RangeBias(offset_m=BIAS_M), RangeWalk(amplitude_m=0.01, decay=0.2))
     on = trace_and_fit(context, context.split.fit, both, (1, 2))
     found = [ReportedTerm(name, 0.001) for name in ("range_bias", "range_walk")]
-    model, left, _ = drop_insignificant(context, FittedModel(on.frames, on.fitter, on.fitted, (1, 2)), found)
+    model, left, *_ = drop_insignificant(context, FittedModel(on.frames, on.fitter, on.fitted, (1, 2)), found)
     assert [one.name for one in left] == ["range_bias"]
     assert [effect.name for effect in model.fitted.effects] == ["range_noise", "range_bias"] and model.free == (1,)
     assert model.fitted.effects[1].model_dump()["offset_m"] == pytest.approx(BIAS_M, abs=0.003)
@@ -49,6 +49,6 @@ def test_a_plug_in_whose_interval_includes_no_change_is_listed_instead(tmp_path:
     term = Term(Group("range by ring", "range", ("ring",), 16), 0.001, 20.0, 20.0)
     model = FittedModel(on.frames, on.fitter, on.fitted, (1,), terms=(term,))
     found = [ReportedTerm(unknown.name, 0.001, unknown=unknown, term="range by ring")]
-    model, left, listed = drop_insignificant(context, model, found)
+    model, left, listed, _ = drop_insignificant(context, model, found)
     assert not left and listed == (term,)
     assert [effect.name for effect in model.fitted.effects] == ["range_noise"]
