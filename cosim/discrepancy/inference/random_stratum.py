@@ -20,7 +20,7 @@ _ROUNDS = 8
 _ROUNDS_AGAIN = 3  # from the fit to all random effects
 _RIDGE = 1e-3  # share of the information
 _NEGLIGIBLE = 1e-12  # scale
-_CONCERNED = 0.01  # least share of the information in a component
+_MOST = 0.8  # share of the information
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +106,13 @@ class RandomStratum:
     def p_of_predictions(self) -> float:
         """Bound on the p-value, from predictions of one part of the drive by the others; see `predictive_test`.
 
-        Only components with a share of the information take part.
+        Only the components that have most of the information take part.
         """
-        scale = self._scales_about_none[self.component]
-        known = np.bincount(self.component, (self.x**2).sum(1) / scale**2, self.components)
-        rows = np.flatnonzero(known[self.component] > _CONCERNED * known.sum())
+        known = np.bincount(self.component, self._weight * (self.x**2).sum(1), self.components)
+        order = np.argsort(-known)
+        before = np.cumsum(known[order]) - known[order]
+        concerned = order[(before < _MOST * known.sum()) & (known[order] > 0)]
+        rows = np.flatnonzero(np.isin(self.component, concerned))
         if not len(rows):
             return 1.0
         number = np.unique(self.component[rows], return_inverse=True)[1]

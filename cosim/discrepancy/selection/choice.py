@@ -131,10 +131,11 @@ def choose(
         after, group = _best_alias(model, evidence, after, group)
     p_value, penalty = result.p_value, group.size * max(result.entry.cell.dispersion, 1.0)
     if p_value > settings.selection.level or result.entry.is_of_random:
-        p_of_one = p_of_gain(model, after, group, penalty, settings.selection)
+        only_random = result.entry.is_of_random
+        p_of_one = p_of_gain(model, after, group, penalty, settings.selection, only_random=only_random)
         if group is result.group:
             p_of_one = 2 * min(p_of_one, result.entry.p_of_predictions)
-        p_value = min(p_of_one * evidence.dictionary.tested, 1.0)
+        p_value = min(p_of_one * evidence.tested_like(result.entry), 1.0)
         if p_value > settings.selection.level:
             return frozenset({result.group.name})
     after, group = _by_laser(model, evidence, after, group)

@@ -17,7 +17,7 @@ A likelihood that jumps between neighbouring values of a parameter gains by chan
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize, stats
@@ -47,8 +47,22 @@ class _Gains:
     expected_of_beams: np.ndarray
     expected_of_random: np.ndarray
 
+    def without_beams(self) -> _Gains:
+        """The gains of the random effects."""
+        return replace(
+            self, of_beams=np.zeros_like(self.of_beams), expected_of_beams=np.zeros_like(self.expected_of_beams)
+        )
 
-def p_of_gain(before: FittedModel, after: FittedModel, group: Group, chance: float, settings: Selection) -> float:
+
+def p_of_gain(
+    before: FittedModel,
+    after: FittedModel,
+    group: Group,
+    chance: float,
+    settings: Selection,
+    *,
+    only_random: bool = False,
+) -> float:
     """p-value of the gain in log-likelihood between two fits to the same sample; of both clusterings the larger one.
 
     Args:
@@ -56,9 +70,12 @@ def p_of_gain(before: FittedModel, after: FittedModel, group: Group, chance: flo
         group: of the term.
         chance: gain that is expected by chance.
         settings: numeric choices.
+        only_random: whether only random effects inform about the term: what beams gain is chance then.
     """
     fitter = after.fitter
-    gains = _gains(fitter, before.fitted, after.fitted)
+    gains, gain = _gains(fitter, before.fitted, after.fitted), after.loglik - before.loglik
+    if only_random:
+        gains, gain = gains.without_beams(), float(gains.of_random.sum())
     parameters = max(_size(after.fitted) - _size(before.fitted), 1)
     clusters = fitter.random.clusters_of(group.family == "range", 1 if group.is_of_scan else settings.sectors)
     beams = (clusters.track, clusters.part)
@@ -68,7 +85,7 @@ def p_of_gain(before: FittedModel, after: FittedModel, group: Group, chance: flo
         gained = np.bincount(of_beam, gains.of_beams, count) + np.bincount(of_random, gains.of_random, count)
         expected = np.bincount(of_beam, gains.expected_of_beams, count)
         expected += np.bincount(of_random, gains.expected_of_random, count)
-        worst = max(worst, p_of_clusters(gained, expected, after.loglik - before.loglik, parameters, chance))
+        worst = max(worst, p_of_clusters(gained, expected, gain, parameters, chance))
     return worst
 
 

@@ -34,6 +34,15 @@ class SelectionEvidence:
     results: list[GroupTest]
     rejected: frozenset[str] = frozenset()
 
+    def tested_like(self, entry: Entry) -> int:
+        """Number of hypotheses for which a p-value has to allow.
+
+        Effects that are tested on the random effects are few: they share half of the level.
+        """
+        if not entry.is_of_random:
+            return self.dictionary.tested
+        return 2 * sum(result.group.is_effect and result.group.size == 1 for result in self.results)
+
     def significant(self, settings: Settings) -> list[GroupTest]:
         """Results at or below the level that gain something on clusters that took no part."""
         least = settings.selection.least_gain

@@ -58,7 +58,7 @@ def test_independent_errors_gain_nothing() -> None:
 
 
 def test_later_scans_are_predicted_by_earlier_ones() -> None:
-    assert max(_stratum(DELAY_S, seed, outliers=True).p_of_predictions() for seed in range(10)) < 1e-6
+    assert max(_stratum(DELAY_S, seed, outliers=True).p_of_predictions() for seed in range(10)) < 1e-4
     assert np.mean([_stratum(0.0, seed).p_of_predictions() < 0.05 for seed in range(100)]) <= 0.05
 
 
