@@ -129,21 +129,33 @@ def choose(
         return frozenset({result.group.name})
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
-    p_value, penalty = result.p_value, group.size * max(result.entry.cell.dispersion, 1.0)
-    if p_value > settings.selection.level or result.entry.is_of_random:
-        only_random = result.entry.is_of_random
-        p_of_one = p_of_gain(model, after, group, penalty, settings.selection, only_random=only_random)
-        if group is result.group:
-            p_of_one = 2 * min(p_of_one, result.entry.p_of_predictions)
-        p_value = min(p_of_one * evidence.tested_like(result.entry), 1.0)
-        if p_value > settings.selection.level:
-            return frozenset({result.group.name})
+    p_value = _p_value(model, evidence, after, group, result, settings)
+    if p_value > settings.selection.level:
+        return frozenset({result.group.name})
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
     alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)
     penalty = group.size * max(result.entry.cell.dispersion, 1.0)  # an effect may have replaced the dependence
     term = Term(group, p_value, result.gain, gain, penalty, alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _p_value(
+    model: FittedModel,
+    evidence: SelectionEvidence,
+    after: FittedModel,
+    group: Group,
+    result: GroupTest,
+    settings: Settings,
+) -> float:
+    """Family-wise p-value of a refitted candidate: that of its scores, or of its exact gain if scores do not decide."""
+    only_random, penalty = result.entry.is_of_random, group.size * max(result.entry.cell.dispersion, 1.0)
+    if result.p_value <= settings.selection.level and not only_random:
+        return result.p_value
+    p_of_one = p_of_gain(model, after, group, penalty, settings.selection, only_random=only_random)
+    if only_random:
+        p_of_one = 2 * min(p_of_one, result.entry.p_of_predictions())
+    return min(p_of_one * evidence.tested_like(result.entry), 1.0)
 
 
 def _with_shared(model: FittedModel, evidence: SelectionEvidence, result: GroupTest, settings: Settings) -> FittedModel:

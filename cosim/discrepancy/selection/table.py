@@ -12,6 +12,7 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.shared_errors import SharedError, common_information
 from cosim.discrepancy.inference.dependence import SPREADS
 from cosim.discrepancy.inference.projection import PART, TRACK, Projector
+from cosim.discrepancy.inference.random_stratum import RandomStratum
 from cosim.discrepancy.selection.calibration import Statistic, family_wise_p
 from cosim.discrepancy.selection.gain import (
     Cell,
@@ -43,7 +44,7 @@ class Entry:
         event: (k,) weight of one event of counts, else 1.
         unit: of the coefficients, in the channel's unit: the reference share for counts, else 1.
         implied: (k,) squares of the scores that independent beams have; empty: the information.
-        p_of_predictions: bound on the p-value of only this group, from predictions of random effects; 1 for beams.
+        stratum: what random effects have in common with the group, if the scores are theirs.
         absorbed: (m, k) changes of all random effects that change beams like the columns of an effect; empty where
             beams distinguish it from random effects.
     """
@@ -59,7 +60,7 @@ class Entry:
     event: np.ndarray
     unit: float = 1.0
     implied: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    p_of_predictions: float = 1.0
+    stratum: RandomStratum | None = None
     absorbed: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
@@ -89,6 +90,10 @@ class Entry:
     def is_of_random(self) -> bool:
         """Whether the scores are those of the random effects, not of the beams: exact fits decide on the group."""
         return self.cell.distribution == "random"
+
+    def p_of_predictions(self) -> float:
+        """Bound on the p-value of only this group, from predictions of random effects; 1 if the scores are of beams."""
+        return 1.0 if self.stratum is None else self.stratum.p_of_predictions()
 
     @property
     def start(self) -> np.ndarray:
@@ -322,11 +327,10 @@ def _of_random(
     cell = Cell("random", stratum.information, group.one_sided, 1.0, gains)
     variance = np.maximum(scatter, np.diag(stratum.information))
     ones = np.ones(group.size)
-    p_of_predictions = stratum.p_of_predictions()
     return [
         Entry(
             group, tables, cluster_information, stratum.information, variance, ones, cell, False, ones,
-            p_of_predictions=p_of_predictions, absorbed=absorbed,
+            stratum=stratum, absorbed=absorbed,
         )
     ]  # fmt: skip
 

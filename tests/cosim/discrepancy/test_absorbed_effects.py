@@ -68,4 +68,4 @@ def test_pose_errors_give_back_what_they_absorbed(tilted: Yard) -> None:
 
 
 def test_twelve_scans_that_agree_are_significant(tilted: Yard) -> None:
-    assert 1000 * _result(fit_yard(tilted), tilted).entry.p_of_predictions < 0.05
+    assert 1000 * _result(fit_yard(tilted), tilted).entry.p_of_predictions() < 0.05
