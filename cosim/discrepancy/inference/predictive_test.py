@@ -22,7 +22,7 @@ _FEWEST = 3  # random effects of a component from which its variance is estimate
 _ROUNDS = 8
 _RIDGE = 1e-3  # share of the information
 _NEGLIGIBLE = 1e-12  # scale
-_MOST_DEPENDENT = 0.98  # autocorrelation
+_LARGEST_AUTOCORRELATION = 0.98  # of successive errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class _Fit:
     """Coefficients (k,), and autocorrelations and scales (components,) of the errors."""
 
     beta: np.ndarray
-    memory: np.ndarray
+    autocorrelation: np.ndarray
     scale: np.ndarray
 
 
@@ -67,41 +67,41 @@ class _Regression:
     def loglik(self, rows: np.ndarray, fit: _Fit) -> float:
         """Log-likelihood of the rows (a,) given the errors before them, up to a constant for each."""
         scale = fit.scale[self.component]
-        z = self._innovations(self.u - self.x @ fit.beta, fit.memory) / scale
+        z = self._innovations(self.u - self.x @ fit.beta, fit.autocorrelation) / scale
         return -float(np.sum(((FREEDOM + 1) / 2 * np.log1p(z**2 / FREEDOM) + np.log(scale))[rows]))
 
     def _improved(self, used: np.ndarray, beta: np.ndarray, count: int) -> _Fit:
         at = self.component[used]
         counts = np.maximum(np.bincount(at, minlength=count), 1)
-        memory, scale = np.zeros(count), np.ones(count)
+        autocorrelation, scale = np.zeros(count), np.ones(count)
         for number in range(_ROUNDS):
             error = self.u - self.x @ beta
-            own = self._innovations(error, memory)
+            own = self._innovations(error, autocorrelation)
             if number == 0:
                 scale = np.bincount(at, np.abs(own[used]), count) / counts
             weight = (FREEDOM + 1) / (FREEDOM + (own / np.maximum(scale, _NEGLIGIBLE)[self.component]) ** 2)
             scale = np.maximum(np.sqrt(np.bincount(at, (weight * own**2)[used], count) / counts), _NEGLIGIBLE)
             rows = np.where(used, weight, 0.0)
-            memory = self._memory(error, rows, count)
-            beta = self._coefficients(rows / scale[self.component] ** 2, memory)
-        return _Fit(beta, memory, scale)
+            autocorrelation = self._autocorrelation(error, rows, count)
+            beta = self._coefficients(rows / scale[self.component] ** 2, autocorrelation)
+        return _Fit(beta, autocorrelation, scale)
 
-    def _innovations(self, values: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    def _innovations(self, values: np.ndarray, autocorrelation: np.ndarray) -> np.ndarray:
         """Values (a, …) less what the preceding ones predict."""
-        known = (self.before >= 0) * memory[self.component]
+        known = (self.before >= 0) * autocorrelation[self.component]
         return values - (known * values[self.before].T).T
 
-    def _memory(self, error: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    def _autocorrelation(self, error: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
         """Autocorrelation (components,) of errors (a,)."""
         weight = weight * (self.before >= 0)
         past = error[self.before]
         square = np.bincount(self.component, weight * past**2, count)
         product = np.bincount(self.component, weight * past * error, count)
-        return np.clip(product / np.maximum(square, 1e-300), 0.0, _MOST_DEPENDENT)
+        return np.clip(product / np.maximum(square, 1e-300), 0.0, _LARGEST_AUTOCORRELATION)
 
-    def _coefficients(self, weight: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    def _coefficients(self, weight: np.ndarray, autocorrelation: np.ndarray) -> np.ndarray:
         """Coefficients (k,) of a weighted regression; 0 where nothing informs about them."""
-        x, u = self._innovations(self.x, memory), self._innovations(self.u, memory)
+        x, u = self._innovations(self.x, autocorrelation), self._innovations(self.u, autocorrelation)
         weighted = weight[:, None] * x
         information = weighted.T @ x
         diagonal = np.diag(information)
