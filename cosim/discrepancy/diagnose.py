@@ -78,6 +78,12 @@ def diagnose(
     model = FittedModel(on.frames, on.fitter, on.fitted, _initially_free(context))
     missing = find_missing(context, model)
     diagnosis = conclude(context, missing, facts, exchanged)
+    harmful = missing.harmful(diagnosis.budget, diagnosis.needed, context)
+    if harmful:
+        names = ", ".join(one.name for one in harmful)
+        context.on_progress(f"{names}: the error of held-out frames rises; listed as unexplained")
+        missing = missing.without(context, harmful)
+        diagnosis = conclude(context, missing, facts, exchanged)
     if missing.is_contradicted(diagnosis.budget, context):
         context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
         diagnosis = conclude(context, missing.without_findings(model), facts, exchanged)
@@ -242,8 +248,11 @@ def _unexplained(
 ) -> tuple[Unexplained, ...]:
     """Terms that no formula describes, and everything significant that is left beyond the accuracy of the fit."""
     of_phases = tuple(
-        Unexplained(term.group.channel, term.group.covariates, float("nan"), "", term.p_value) for term in phases
-    )
+        Unexplained(
+            term.group.channel, term.group.covariates, float("nan"), "", term.p_value, term.group.effect_name
+        )
+        for term in phases
+    )  # fmt: skip
     return (*of_phases, *remaining(last, model, context.settings))
 
 

@@ -5,7 +5,7 @@ Both `compare` and `diagnose` use it, on the same frames, so that they do not co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -84,6 +84,34 @@ class Missing:
         found, effects = {one.name for one in self.findings}, self.model.fitted.effects
         moving = (effect for effect in effects if isinstance(effect, BeamEffect) or effect.channel == "range")
         return any(effect.name in found for effect in moving)
+
+    def harmful(self, budget: Budget, needed: Collection[str], context: Context) -> tuple[ReportedTerm, ...]:
+        """Findings that raise the aligned error of held-out frames by more than a share, and significantly.
+
+        Args:
+            budget: of the held-out frames, with the findings.
+            needed: names of findings without which the error of all others is higher.
+            context: of the analysis.
+        """
+        if self.model.fitter.sample.of_own_map:  # see `is_contradicted`
+            return ()
+        steps, by = budget.aligned_steps[len(budget.aligned_steps) - len(self.findings) - 1 :], context.settings
+        return tuple(
+            one
+            for one, before, after in zip(self.findings, steps, steps[1:], strict=False)
+            if one.name not in needed and before.rises_to(after, by.at_floor, by.level)
+        )
+
+    def without(self, context: Context, findings: Sequence[ReportedTerm]) -> Missing:
+        """The model fitted without some findings, which are listed as unexplained."""
+        model, names = self.model, [one.name for one in findings]
+        for name in names:
+            model = _without_effect(context, model, name)
+        terms = {term.group.effect_name or term.group.name: term for term in self.model.terms}
+        listed = (terms.get(one.term or one.name) for one in findings)
+        left = tuple(one for one in self.findings if one.name not in names)
+        phases = (*self.phases, *(term for term in listed if term is not None))
+        return replace(self, model=model, findings=left, phases=phases, ci95=_intervals(model))
 
     def without_findings(self, model: FittedModel) -> Missing:
         """Nothing missing: the model before the search, with everything significant unexplained."""

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from cosim.discrepancy.analysis import context_of, trace_and_fit
+from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
-from cosim.discrepancy.dictionary.groups import Group
-from cosim.discrepancy.missing import ReportedTerm, drop_insignificant
+from cosim.discrepancy.dictionary.groups import Group, Tangent
+from cosim.discrepancy.missing import Missing, ReportedTerm, drop_insignificant
+from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_of
+from sensors.effects.detection.random_dropout import RandomDropout
 from sensors.effects.points.range_bias import RangeBias
 from sensors.effects.points.range_noise import RangeNoise
 from sensors.effects.points.range_walk import RangeWalk
@@ -52,3 +55,29 @@ def test_a_plug_in_whose_interval_includes_no_change_is_listed_instead(tmp_path:
     model, left, listed, _ = drop_insignificant(context, model, found)
     assert not left and listed == (term,)
     assert [effect.name for effect in model.fitted.effects] == ["range_noise"]
+
+
+def test_a_finding_that_raises_the_error_of_held_out_frames_is_listed_instead(tmp_path: Path) -> None:
+    """The bias is there; losses, which a fit might prefer by chance, are not."""
+    noise = RangeNoise(sigma_m=0.01, sigma_per_m=0.0)
+    yard = make_yard(tmp_path, (noise, RangeBias(offset_m=BIAS_M)), known=(NOISE,), frames=8)
+    context = context_of(opened(yard.drive), yard.sensor)
+    own, bias = context.initial_effects, RangeBias(offset_m=BIAS_M)
+    both = (*own, bias, RandomDropout(probability=0.2))
+    on = trace_and_fit(context, context.split.fit, both, ())
+    terms = tuple(
+        Term(Group(name, "range", (), 1, tangent=Tangent(effect, "", 0.0)), 0.001, 20.0, 20.0)
+        for name, effect in (("range_bias [offset_m]", bias), ("random_dropout [probability]", both[-1]))
+    )
+    model = FittedModel(on.frames, on.fitter, on.fitted, (1, 2), terms)
+    evidence = gather_evidence(model, (), context.settings, 0)
+    found = tuple(ReportedTerm(name, 0.001) for name in ("range_bias", "random_dropout"))
+    missing = Missing(model, found, (), evidence, evidence, {})
+    budget, _ = budget_of(context, missing.held_out(context), [own, (*own, bias), both])
+    harmful = missing.harmful(budget, (), context)
+    assert [one.name for one in harmful] == ["random_dropout"]
+    assert not missing.harmful(budget, ("random_dropout",), context), "others need it"
+    left = missing.without(context, harmful)
+    assert [one.name for one in left.findings] == ["range_bias"] and left.phases == terms[1:]
+    assert [effect.name for effect in left.model.fitted.effects] == ["range_noise", "range_bias"]
+    assert left.ci95["range_bias"]["offset_m"][0] < BIAS_M < left.ci95["range_bias"]["offset_m"][1]
