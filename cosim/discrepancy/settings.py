@@ -221,7 +221,7 @@ class Selection:
     fewest_events: float = 5.0  # minimum expected number of dropped returns for one more to count as evidence
     least_gain: float = 3.0  # minimum gain in log-likelihood of the first term,
     least_follower: float = 5.0  # and of later terms
-    steps: int = 8  # maximum number of terms
+    steps: int = 16  # maximum number of terms
     listed: int = 12  # maximum number of remaining dependences listed
     rivals: int = 5  # number of alternatives to the best group that are refitted
     rival_share: float = 0.4  # minimum gain of these relative to the best group

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import sparse
 
+from cosim.discrepancy.candidates import unknowns
 from cosim.discrepancy.dictionary.covariates import SampleCovariate
 from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.inference.dependence import ANGLES, SPREADS, SPURIOUS
@@ -76,6 +77,13 @@ class Group:
     def is_effect(self) -> bool:
         """Whether it is an effect of the catalogue."""
         return self.tangent is not None
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters of an exact refit: all those of an effect, one for each column of a dependence."""
+        if self.tangent is None:
+            return self.size
+        return max(self.size, sum(unknown.rings for unknown in unknowns(type(self.tangent.effect))))
 
     def is_special_case_of(self, other: Group) -> bool:
         """Whether another group has more columns, of which linear combinations are the columns of this one."""

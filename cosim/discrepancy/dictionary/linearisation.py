@@ -140,9 +140,15 @@ def _channels(sample: Sample, adjusted: Prediction) -> dict[str, LinearisedChann
         channels += [
             LinearisedChannel("intensity", "intensity", adjusted.intensity),
             LinearisedChannel("intensity_offset", "intensity", ones),
-            LinearisedChannel("intensity_variance", "intensity_variance", ones),
+            LinearisedChannel("intensity_variance", "intensity_variance", _sensor_share(adjusted)),
         ]
     return {channel.name: channel for channel in channels}
+
+
+def _sensor_share(adjusted: Prediction) -> np.ndarray:
+    """Derivative (n,) of the logarithm of the σ of intensities by that of the sensor's part of it."""
+    own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
+    return np.divide(adjusted.intensity_sigma**2, own**2, out=np.ones(len(own)), where=own > 0)
 
 
 def _score_intensity_variance(

@@ -32,6 +32,7 @@ from cosim.discrepancy.inference.parameters import (
     deviations,
     has_moved,
     list_numbers,
+    step_limits,
     updated_prior_precisions,
     without_common_gain,
 )
@@ -370,12 +371,13 @@ class Fitter:
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
+            limits = step_limits(state.effects, free, model.parameters)
             gain = -np.inf
             is_spread = acts_on_spreads(columns[: len(free)])
             attempts = [one for one in _ATTEMPTS if one[2] or (is_spread.any() and not roughly)]
             begin = tried_first
             for attempt, (damping, fraction, moves_spreads) in enumerate(attempts[begin:], begin):
-                step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping)
+                step, change_u = model.step(state.estimate, self._min_identified_share(free), prior, damping, limits)
                 step, change_c = step[: len(lists)], step[len(lists) :]
                 step = without_common_gain(state.effects, free, step, self.sample.of_own_map)
                 step = step if moves_spreads else np.where(is_spread, 0.0, step)

@@ -120,8 +120,12 @@ class LinearModel:
         min_share: float = 0.0,
         prior: tuple[np.ndarray, np.ndarray] | None = None,
         damping: float = 0.0,
+        limits: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Compute a Gauss–Newton step of the parameters (p,) and of all random effects (m,).
+
+        Where the step would exceed its limits, it ends there, and the step of everything else is that for these values
+        (projected Newton method: Bertsekas, SIAM J. Control Optim. 20, 1982).
 
         Args:
             estimate: current random effects.
@@ -130,6 +134,7 @@ class LinearModel:
                 which are not identifiable.
             prior: precisions (p,) of normal priors of the parameters, and current distances (p,) from their means.
             damping: share of each parameter's own information that is added to it (Marquardt, SIAM J. 1963).
+            limits: smallest and largest step (p,) of each parameter.
         """
         right = self._scored(self.z, len(self.used)) - self.precision * estimate.u[self.used]
         step = np.zeros(self.parameters)
@@ -138,20 +143,31 @@ class LinearModel:
             information = self.fixed_information + damping * np.diag(self.own_information_diagonal)
             if prior is not None:
                 gradient, information = gradient - prior[0] * prior[1], information + np.diag(prior[0])
-            step = self._restricted_step(gradient, information, min_share)
+            step = self._bounded_step(gradient, information, min_share, limits)
         change = np.zeros(len(estimate.u))
         change[self.used] = self._solve(right - self._across @ step)
         return step, change
 
-    def _restricted_step(self, gradient: np.ndarray, information: np.ndarray, min_share: float) -> np.ndarray:
-        """Solve for the step (p,) from a gradient (p,), restricted to directions with enough information."""
-        if not min_share:
-            return np.linalg.solve(information, gradient)
-        diagonal = np.diag(self._own_information)
-        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        shares, directions = np.linalg.eigh(information / np.outer(scale, scale))
-        directions, shares = directions[:, shares > min_share], shares[shares > min_share]
-        return directions @ ((directions.T @ (gradient / scale)) / shares) / scale
+    def _bounded_step(
+        self,
+        gradient: np.ndarray,
+        information: np.ndarray,
+        min_share: float,
+        limits: tuple[np.ndarray, np.ndarray] | None,
+    ) -> np.ndarray:
+        """Solve for the step (p,) from a gradient (p,), within its limits."""
+        own, within = self.own_information_diagonal, np.ones(len(gradient), bool)
+        step = _restricted_step(gradient, information, own, min_share)
+        while limits is not None:
+            bounded = np.clip(step, *limits)
+            exceeds = within & (bounded != step)
+            if not exceeds.any():
+                break
+            within &= ~exceeds
+            step = np.where(within, 0.0, bounded)
+            rest = (gradient - information @ step)[within]
+            step[within] = _restricted_step(rest, information[np.ix_(within, within)], own[within], min_share)
+        return step
 
     def shrinkage(self) -> float:
         """log |I + D^½ ZᵀWZ D^½| with D = Λ⁻¹: penalty for the random effects in the Laplace approximation."""
@@ -191,3 +207,13 @@ class LinearModel:
         for name, matrix in own.items():
             total += matrix.T @ self.evidence.score[name]
         return total
+
+
+def _restricted_step(gradient: np.ndarray, information: np.ndarray, own: np.ndarray, min_share: float) -> np.ndarray:
+    """Solve for the step (p,) from a gradient (p,), restricted to directions with enough of their `own` (p,)."""
+    if not min_share:
+        return np.linalg.solve(information, gradient)
+    scale = np.sqrt(np.where(own > 0, own, 1.0))
+    shares, directions = np.linalg.eigh(information / np.outer(scale, scale))
+    directions, shares = directions[:, shares > min_share], shares[shares > min_share]
+    return directions @ ((directions.T @ (gradient / scale)) / shares) / scale

@@ -93,6 +93,19 @@ def apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarr
     return tuple(changed)
 
 
+def step_limits(effects: Sequence[Effect], free: Sequence[Free], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest step (size,) of the free parameters within their bounds; none for what follows them."""
+    low, high, start = np.full(size, -np.inf), np.full(size, np.inf), 0
+    for parameter in free:
+        unknown = parameter.unknown
+        part = slice(start, start + unknown.rings)
+        start += unknown.rings
+        if not unknown.is_direction:
+            value = np.asarray(getattr(effects[parameter.effect], unknown.name), float)
+            low[part], high[part] = unknown.low - value, unknown.high - value
+    return low, high
+
+
 def acts_on_spreads(columns: Sequence[Column]) -> np.ndarray:
     """(p,) bool parameters that change nothing but spreads, from the derivatives of the prediction."""
     only = [bool(column.delta) and set(column.delta) <= set(SPREADS) for column in columns]

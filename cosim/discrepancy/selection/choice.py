@@ -73,7 +73,7 @@ class _Trial:
     @property
     def penalty(self) -> float:
         """Twice the gain expected by chance for this number of parameters: the trace of Takeuchi's criterion (1976)."""
-        return self.result.group.size * max(self.result.entry.cell.dispersion, 1.0)
+        return _penalty(self.result.group, self.result)
 
     @property
     def net_gain(self) -> float:
@@ -135,8 +135,8 @@ def choose(
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
     alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)
-    penalty = group.size * max(result.entry.cell.dispersion, 1.0)  # an effect may have replaced the dependence
-    term = Term(group, p_value, result.gain, gain, penalty, alternatives)
+    # An effect may have replaced the dependence.
+    term = Term(group, p_value, result.gain, gain, _penalty(group, result), alternatives)
     return replace(after, terms=(*model.terms, term)), result
 
 
@@ -149,7 +149,7 @@ def _p_value(
     settings: Settings,
 ) -> float:
     """Family-wise p-value of a refitted candidate: that of its scores, or of its exact gain if scores do not decide."""
-    only_random, penalty = result.entry.is_of_random, group.size * max(result.entry.cell.dispersion, 1.0)
+    only_random, penalty = result.entry.is_of_random, _penalty(group, result)
     if result.p_value <= settings.selection.level and not only_random:
         return result.p_value
     p_of_one = p_of_gain(model, after, group, penalty, settings.selection, only_random=only_random)
@@ -337,7 +337,7 @@ def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
         and trial.net_gain > 0
     ]
     if named:
-        return max(named, key=lambda trial: trial.gain)
+        return max(named, key=lambda trial: trial.net_gain)
     near = [
         trial
         for trial in trials
@@ -346,8 +346,13 @@ def _simplest(trials: Sequence[_Trial], settings: Settings) -> _Trial:
     return min(near or [best], key=lambda trial: _complexity(trial.result.group))
 
 
+def _penalty(group: Group, result: GroupTest) -> float:
+    """Penalty of a group, `_Trial.penalty`, with the dispersion of the scores of its test."""
+    return group.parameters * max(result.entry.cell.dispersion, 1.0)
+
+
 def _complexity(group: Group) -> int:
-    return group.size + 10 * len(group.covariates) - 5 * group.is_effect
+    return group.parameters + 10 * len(group.covariates) - 5 * group.is_effect
 
 
 def _rivals(chosen: _Trial, trials: Sequence[_Trial]) -> tuple[str, ...]:

@@ -106,5 +106,5 @@ def deviance_gain(
         factor = np.log1p(np.maximum(coefficients, -0.99))
         return np.maximum(expected + score, 0) * factor - expected * np.maximum(coefficients, -0.99)
     half = information / 2
-    ratio = np.clip(np.exp(2 * coefficients), 0.05, 50)
+    ratio = np.exp(np.clip(2 * coefficients, *np.log([0.05, 50])))
     return 0.5 * ((score + half) * (1 - 1 / ratio) - half * np.log(ratio))
