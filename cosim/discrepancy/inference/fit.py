@@ -371,9 +371,9 @@ class Fitter:
             model = LinearModel.of(self.random, columns, evidence, state.prediction, state.estimate)
             prior = self._prior(model, state, precision, deviations(state.effects, free))
             state = self._update_spurious_shares(state, blur)
-            limits = step_limits(state.effects, free, model.parameters)
             gain = -np.inf
             is_spread = acts_on_spreads(columns[: len(free)])
+            limits = step_limits(state.effects, free, is_spread, model.parameters)
             attempts = [one for one in _ATTEMPTS if one[2] or (is_spread.any() and not roughly)]
             begin = tried_first
             for attempt, (damping, fraction, moves_spreads) in enumerate(attempts[begin:], begin):

@@ -93,14 +93,20 @@ def apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarr
     return tuple(changed)
 
 
-def step_limits(effects: Sequence[Effect], free: Sequence[Free], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest step (size,) of the free parameters within their bounds; none for what follows them."""
+def step_limits(
+    effects: Sequence[Effect], free: Sequence[Free], is_spread: np.ndarray, size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest step (size,) of the free parameters within their bounds; none for what follows them.
+
+    Parameters that change nothing but spreads (`is_spread`, see `acts_on_spreads`) have no limits: the derivative of a
+    variance with respect to σ is 0 at σ = 0, so that a fit could not leave this bound again.
+    """
     low, high, start = np.full(size, -np.inf), np.full(size, np.inf), 0
     for parameter in free:
         unknown = parameter.unknown
         part = slice(start, start + unknown.rings)
         start += unknown.rings
-        if not unknown.is_direction:
+        if not unknown.is_direction and not is_spread[part].any():
             value = np.asarray(getattr(effects[parameter.effect], unknown.name), float)
             low[part], high[part] = unknown.low - value, unknown.high - value
     return low, high

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import sparse
+from scipy import optimize, sparse
 
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.parameters import updated_prior_precisions
@@ -35,3 +35,20 @@ def test_prior_of_per_laser_parameters_suppresses_only_the_direction_that_is_bar
     assert abs(slope @ step) < 0.1
     aside = step - slope * (slope @ step)
     np.testing.assert_allclose(aside, true, atol=1e-3)
+
+
+def test_a_step_that_a_bound_shortens_is_the_best_one_within_the_bounds() -> None:
+    rows = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.1], [0.0, 0.1, 1.0], [0.5, 0.5, 0.5]])
+    measured = np.array([1.0, -2.0, 0.5, 0.3])
+    evidence = Evidence({"range": measured}, {"range": np.ones(len(measured))})
+    empty, none = np.zeros(0), np.zeros(0, int)
+    model = LinearModel(
+        {"range": sparse.csr_matrix(rows)}, {}, none, empty, sparse.csr_matrix((0, 0)), none, None, evidence
+    )
+    low, high = np.array([-np.inf, 0.0, -np.inf]), np.full(3, np.inf)
+    free, _ = model.step(Estimate(empty, empty))
+    assert free[1] < 0
+    step, _ = model.step(Estimate(empty, empty), limits=(low, high))
+    expected = optimize.lsq_linear(rows, measured, (low, high)).x
+    np.testing.assert_allclose(step, expected, atol=1e-5)
+    assert abs(step[0] - free[0]) > 1
