@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.inference.fit import Fitted, Fitter
 from cosim.discrepancy.inference.parameters import all_free
 from cosim.discrepancy.inference.random_effects import RandomEffects
 from cosim.discrepancy.sampling.sample import Sample
+from sensors.effects.points.intensity_noise import IntensityNoise
 from sensors.effects.points.range_noise import RangeNoise
 from tests.cosim.discrepancy.conftest import NOISE
 from tests.cosim.discrepancy.small_drive import fit_yard, make_yard
@@ -75,3 +77,15 @@ def test_leverage_of_map_surfaces_sums_to_their_number(sample: Sample) -> None:
     free = replace(start, variance=np.full(len(start.variance), 1e6))
     leverage = random.map_leverage(np.ones(len(sample)), free)
     assert leverage.sum() == pytest.approx(len(np.unique(sample.surface[sample.surface_derivative != 0])), rel=0.01)
+
+
+def test_scatter_of_intensities_that_the_twin_causes_is_no_evidence_about_noise_of_the_sensor(sample: Sample) -> None:
+    effects = (IntensityNoise(sigma_rel=0.01),)
+    certain, uncertain = (replace(sample, twin_sigma_intensity=np.full(len(sample), sigma)) for sigma in (0.0, 0.2))
+    informations = []
+    for one in (certain, uncertain):
+        fitter = Fitter(one)
+        _, information = linearise(fitter, fitter.fit(effects, ()), ()).weights("intensity_variance")
+        informations.append(information.sum())
+    assert informations[0] > 1000
+    assert informations[1] < 1e-3 * informations[0]
