@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from cosim.discrepancy.analysis import Context, candidates_for, split_for, trace_and_fit
-from cosim.discrepancy.budget import AS_GIVEN, Budget, FramePairs, budget_of
+from cosim.discrepancy.budget import AS_GIVEN, Budget, FramePairs
 from cosim.discrepancy.data.checks import check_fit, drive_notes, opened
 from cosim.discrepancy.data.frames import FrameTracer, TracedFrame
 from cosim.discrepancy.data.split import Split
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.forward.reflectances import solve_reflectances
+from cosim.discrepancy.held_out import check_held_out
 from cosim.discrepancy.missing import find_missing
 from cosim.discrepancy.noise_floor import NeighbourPairs, NoiseFloor, estimate_floor
 from cosim.discrepancy.scores import SCALES, FrameScores, Totals, model_chance, score_frame
@@ -375,15 +376,7 @@ def _budget(
     few = replace(settings, rows=settings.compare_rows, selection=by)
     types = candidates_for(tracer.drive, model, len(split.fit), settings)
     context = Context(model, tracer, split, types, few, seed, _LOG.debug)
-    own = context.initial_effects
-    on = trace_and_fit(context, split.fit, own, traced=fit_frames)
+    on = trace_and_fit(context, split.fit, context.initial_effects, traced=fit_frames)
     initial = FittedModel(on.frames, on.fitter, on.fitted)
-    missing = find_missing(context, initial)
-    final = missing.model.fitted.effects
-    is_same = context.bending(final) == context.bending(own)
-    held_out = missing.held_out(context, test_frames if is_same else None)
-    budget, frame_pairs = budget_of(context, held_out, [own] if final == own else [own, final])
-    if missing.is_contradicted(budget, context):
-        held_out = missing.without_findings(initial).held_out(context, test_frames)
-        budget, frame_pairs = budget_of(context, held_out, [own])
-    return budget, replace(frame_pairs, before_removed=AS_GIVEN)
+    check = check_held_out(context, find_missing(context, initial), initial, traced=test_frames)
+    return check.budget, replace(check.frame_pairs, before_removed=AS_GIVEN)

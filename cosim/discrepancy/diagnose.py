@@ -20,13 +20,13 @@ from cosim.discrepancy.analysis import (
     context_of,
     trace_and_fit,
 )
-from cosim.discrepancy.budget import ALIGNED, Budget, FramePairs, budget_of
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
 from cosim.discrepancy.dictionary.lattices import find_lattices
 from cosim.discrepancy.evidence_matrix import evidence_matrix
-from cosim.discrepancy.missing import Missing, ReportedTerm, find_missing
+from cosim.discrepancy.held_out import HeldOutCheck, check_held_out
+from cosim.discrepancy.missing import ReportedTerm, find_missing
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
 from cosim.discrepancy.settings import DEFAULT, Settings
@@ -77,16 +77,9 @@ def diagnose(
     on, facts = add_lattices(context, on)
     model = FittedModel(on.frames, on.fitter, on.fitted, _initially_free(context))
     missing = find_missing(context, model)
-    diagnosis = conclude(context, missing, facts, exchanged)
-    harmful = missing.harmful(diagnosis.budget, diagnosis.needed, context)
-    if harmful:
-        names = ", ".join(one.name for one in harmful)
-        context.on_progress(f"{names}: the error of held-out frames rises; listed as unexplained")
-        missing = missing.without(context, harmful)
-        diagnosis = conclude(context, missing, facts, exchanged)
-    if missing.is_contradicted(diagnosis.budget, context):
-        context.on_progress("the findings raise the error of held-out frames: they are listed as unexplained")
-        diagnosis = conclude(context, missing.without_findings(model), facts, exchanged)
+    context.on_progress("measuring errors on held-out frames")
+    check = check_held_out(context, missing, model, facts)
+    diagnosis = conclude(context, check, facts, exchanged)
     return add_labels(diagnosis, measured)
 
 
@@ -121,22 +114,20 @@ def add_lattices(context: Context, on: FittedFrames) -> tuple[FittedFrames, tupl
 
 
 def conclude(
-    context: Context, missing: Missing, facts: Sequence[ReportedTerm], exchanged: Sequence[Exchange]
+    context: Context, check: HeldOutCheck, facts: Sequence[ReportedTerm], exchanged: Sequence[Exchange]
 ) -> Diagnosis:
-    """Errors and their budget on held-out frames, intervals, and everything that remains.
+    """Findings with intervals, errors and their budget, and everything that remains.
 
     Args:
         context: of the analysis.
-        missing: what the sensor is missing.
+        check: what the sensor is missing, with the errors of held-out frames.
         facts: findings about the file, which come before the others.
         exchanged: lasers that are exchanged with others.
     """
-    context.on_progress("measuring errors on held-out frames")
+    missing, budget = check.missing, check.budget
     model, first, last = missing.model, missing.first, missing.last
     fitted, findings = model.fitted, (*facts, *missing.findings)
     on, ci95 = FittedFrames(context.split.fit, model.frames, model.fitter, fitted), missing.ci95
-    budget, frame_pairs = budget_of(context, missing.held_out(context), _steps(context, fitted.effects, findings))
-    needed = _needed(context, frame_pairs, budget, fitted.effects, findings)
     effects, unknowns = [], []
     for number, one in enumerate(findings):
         effect = next(effect for effect in fitted.effects if effect.name == one.name)
@@ -161,8 +152,8 @@ def conclude(
         split=context.split,
         spreads=_spreads(on),
         notes=(*exchange_notes(exchanged), *_notes(context, on)),
-        frame_pairs=frame_pairs,
-        needed=needed,
+        frame_pairs=check.frame_pairs,
+        needed=check.needed,
         settings=context.settings,
         refitted={
             effect.name: {"params": effect.model_dump(mode="json"), "ci95": ci95.get(effect.name, {})}
@@ -196,44 +187,6 @@ def _initially_free(context: Context) -> tuple[int, ...]:
 
 def _catalogue(context: Context) -> set[str]:
     return {kind.name for kind in context.candidates} | {effect.name for effect in context.initial_effects}
-
-
-def _steps(
-    context: Context, effects: tuple[Effect, ...], findings: Sequence[ReportedTerm], left_out: str = ""
-) -> list[tuple[Effect, ...]]:
-    """The model after each finding, with the final values of those found so far, and without `left_out`."""
-    initial = context.initial_effects
-    names = {*(one.name for one in findings), left_out}
-    final = {effect.name: effect for effect in effects}
-    own = [final[effect.name] if effect.name in context.refitted else effect for effect in initial]
-    models, present = [tuple(own)], set[str]()
-    for one in findings:
-        present.add(one.name)
-        there = [final[effect.name] if effect.name in present else effect for effect in own]
-        added = [effect for effect in effects[len(initial) :] if effect.name in present or effect.name not in names]
-        models.append((*there, *added))
-    return models
-
-
-def _needed(
-    context: Context,
-    frame_pairs: FramePairs,
-    budget: Budget,
-    effects: tuple[Effect, ...],
-    findings: Sequence[ReportedTerm],
-) -> frozenset[str]:
-    """Names of findings after which the error rises, but without which the error of all together is higher.
-
-    Effects that compensate each other, such as gains of lasers and a falloff with range, lower the error only together.
-    """
-    errors, found = [step.error for step in budget.aligned_steps], set[str]()
-    for one, before, after in zip(findings, errors, errors[1:], strict=False):
-        if after >= before and len(findings) > 1:
-            others = [other for other in findings if other is not one]
-            without = frame_pairs.align(_steps(context, effects, others, left_out=one.name)[-1])
-            if without.error(ALIGNED) > errors[-1]:
-                found.add(one.name)
-    return frozenset(found)
 
 
 def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:

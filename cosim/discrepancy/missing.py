@@ -5,12 +5,11 @@ Both `compare` and `diagnose` use it, on the same frames, so that they do not co
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from cosim.discrepancy.analysis import Context, FittedFrames, fit_held_out, is_accurate, trace_and_fit
-from cosim.discrepancy.budget import Budget
 from cosim.discrepancy.candidates import is_unchanged
 from cosim.discrepancy.data.frames import TracedFrame
 from cosim.discrepancy.dictionary.effects import effect_groups
@@ -25,7 +24,7 @@ from cosim.discrepancy.selection.refit import FittedModel, Term, rebuild
 from cosim.discrepancy.selection.search import select_terms
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import effect_of
-from sensors.effects.base import BeamEffect, Effect
+from sensors.effects.base import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,44 +62,6 @@ class Missing:
     first: SelectionEvidence
     last: SelectionEvidence
     ci95: dict[str, dict[str, Any]]
-
-    def is_contradicted(self, budget: Budget, context: Context) -> bool:
-        """Whether the error of held-out frames rises with the findings, so that these cannot be the cause.
-
-        A map of the drive's own scans was made with the initial effects: only a map made again with the findings can
-        contradict those that move points.
-
-        Args:
-            budget: of the held-out frames, with the findings.
-            context: of the analysis.
-        """
-        if not self.findings or (self.model.fitter.sample.of_own_map and self._moves_points):
-            return False
-        return budget.is_raised(context.settings.at_floor, context.settings.level)
-
-    @property
-    def _moves_points(self) -> bool:
-        """Whether any finding changes where points lie."""
-        found, effects = {one.name for one in self.findings}, self.model.fitted.effects
-        moving = (effect for effect in effects if isinstance(effect, BeamEffect) or effect.channel == "range")
-        return any(effect.name in found for effect in moving)
-
-    def harmful(self, budget: Budget, needed: Collection[str], context: Context) -> tuple[ReportedTerm, ...]:
-        """Findings that raise the aligned error of held-out frames by more than a share, and significantly.
-
-        Args:
-            budget: of the held-out frames, with the findings.
-            needed: names of findings without which the error of all others is higher.
-            context: of the analysis.
-        """
-        if self.model.fitter.sample.of_own_map:  # see `is_contradicted`
-            return ()
-        steps, by = budget.aligned_steps[len(budget.aligned_steps) - len(self.findings) - 1 :], context.settings
-        return tuple(
-            one
-            for one, before, after in zip(self.findings, steps, steps[1:], strict=False)
-            if one.name not in needed and before.rises_to(after, by.at_floor, by.level)
-        )
 
     def without(self, context: Context, findings: Sequence[ReportedTerm]) -> Missing:
         """The model fitted without some findings, which are listed as unexplained."""

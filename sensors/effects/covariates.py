@@ -6,7 +6,7 @@ do nothing there: incidence of a beam that meets nothing, or a covariate that on
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,6 +111,28 @@ def level_at(time_s: np.ndarray, levels: Mapping[float, float]) -> np.ndarray:
     nearest = np.abs(np.asarray(time_s)[:, None] - times).argmin(1)
     is_same = np.abs(time_s - times[nearest]) < SAME_SCAN_S
     return np.where(is_same, np.array(list(levels.values()))[nearest], 0.0)
+
+
+def nearest_row(values: Any, rows: np.ndarray | Sequence[float] | Sequence[str], period: float = 0.0) -> np.ndarray:
+    """Return for each value the row (m,) int of a table that applies; −1 for categories that it does not have.
+
+    Args:
+        values: (m,) numbers or `Categories`.
+        rows: (b,) centres of bins, rising, or names of categories.
+        period: of cyclic numbers.
+    """
+    if isinstance(values, Categories):
+        return values.look_up({str(name): row + 1.0 for row, name in enumerate(rows)}).astype(int) - 1
+    centres = np.asarray(rows, float)
+    if period:  # from half-way between the last bin and the first one, one turn on
+        low = (centres[0] + centres[-1] - period) / 2
+        values = np.mod(np.asarray(values) - low, period) + low
+    return np.searchsorted((centres[1:] + centres[:-1]) / 2, values)
+
+
+def cell_of(table: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Return the values (m,) of a table (a, b) at rows and columns (m,); 0 where one of them is −1."""
+    return np.where((row >= 0) & (column >= 0), table[row, column], 0.0)
 
 
 def wrapped(angle: Any, period: float) -> Any:

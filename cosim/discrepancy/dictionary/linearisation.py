@@ -20,7 +20,7 @@ from cosim.discrepancy.inference.dependence import (
     spurious_densities,
 )
 from cosim.discrepancy.inference.fit import Fitted, Fitter
-from cosim.discrepancy.inference.likelihood import Residuals, residuals_of
+from cosim.discrepancy.inference.likelihood import Residuals, residuals_of, stated_intensity_spread
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.projection import Projector
 from cosim.discrepancy.inference.score import Evidence, Quantity, dispersion
@@ -147,7 +147,7 @@ def _channels(sample: Sample, adjusted: Prediction) -> dict[str, LinearisedChann
 
 def _sensor_share(adjusted: Prediction) -> np.ndarray:
     """Derivative (n,) of the logarithm of the σ of intensities by that of the sensor's part of it."""
-    own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
+    own = stated_intensity_spread(adjusted)
     return np.divide(adjusted.intensity_sigma**2, own**2, out=np.ones(len(own)), where=own > 0)
 
 
@@ -156,7 +156,7 @@ def _score_intensity_variance(
 ) -> None:
     """Score the intensity variance relative to the sensor's own σ, without the minimum σ of the likelihood."""
     floor = 1.5 * sample.settings.likelihood.intensity_floor
-    own = np.hypot(adjusted.intensity_sigma, adjusted.twin_sigma_intensity)
+    own = stated_intensity_spread(adjusted)
     z = residuals.intensity_z * residuals.intensity_sigma / np.maximum(own, 1e-9)
     pair = np.maximum(sample.partner, 0)
     gap = (z - z[pair]) / np.sqrt(2)

@@ -298,5 +298,10 @@ def unshared_spread_m(expected: Prediction, constants: LikelihoodConstants) -> n
 
 
 def intensity_spread(expected: Prediction, constants: LikelihoodConstants) -> np.ndarray:
-    """Standard deviation (n,) of intensities: sensor noise and uncertainty of the twin."""
-    return np.sqrt(expected.intensity_sigma**2 + expected.twin_sigma_intensity**2 + constants.intensity_floor**2)
+    """Standard deviation (n,) of intensities: sensor noise and uncertainty of the twin, with its minimum."""
+    return np.hypot(stated_intensity_spread(expected), constants.intensity_floor)
+
+
+def stated_intensity_spread(expected: Prediction) -> np.ndarray:
+    """Standard deviation (n,) of intensities without a minimum."""
+    return np.hypot(expected.intensity_sigma, expected.twin_sigma_intensity)

@@ -139,9 +139,9 @@ def _limits(axis: ChannelAxis, curves: Sequence[EvidenceCurve]) -> tuple[float, 
     return low - pad, high + pad
 
 
-def grid_chart(cell: EvidenceCell, grid: EvidenceGrid, title: str) -> str:
-    """SVG of the coefficients by two covariates: colour by coefficient over standard error, values as tooltips."""
-    axis, rows, columns = AXES[cell.channel], *cell.covariates
+def grid_chart(channel: str, covariates: tuple[str, ...], grid: EvidenceGrid, title: str) -> str:
+    """SVG of the changes by two covariates: colour by change over standard error, values as tooltips."""
+    axis, rows, columns = AXES[channel], *covariates
     x, y = _bins_axis(columns, grid.across), _bins_axis(rows, grid.x)
     plot = Plot(x, y, title, 760, 330)
     with np.errstate(divide="ignore", invalid="ignore"):

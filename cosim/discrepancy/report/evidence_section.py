@@ -272,7 +272,7 @@ def _grids(cell: EvidenceCell, text: str) -> tuple[str, str]:
     drawn = [(words, grid) for words, grid in grids if isinstance(grid, EvidenceGrid)]
     parts = [
         (fill('<p class="small">{}</p>', words.capitalize()) if len(drawn) > 1 else "")
-        + grid_chart(cell, grid, _title(cell))
+        + grid_chart(cell.channel, cell.covariates, grid, _title(cell))
         for words, grid in drawn
     ]
     return text, Markup().join(parts)

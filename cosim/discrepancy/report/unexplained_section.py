@@ -8,9 +8,10 @@ import numpy as np
 from markupsafe import Markup
 
 from cosim.discrepancy.diagnosis import Diagnosis
+from cosim.discrepancy.evidence_matrix import EvidenceGrid
 from cosim.discrepancy.quantities import channel_words, covariate_words, dependence_words, shown, unit_words
 from cosim.discrepancy.report.beams import LAYOUT
-from cosim.discrepancy.report.evidence_section import AXES
+from cosim.discrepancy.report.evidence_charts import AXES, grid_chart
 from cosim.discrepancy.report.findings_section import change_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
@@ -77,6 +78,7 @@ def unknown_section(diagnosis: Diagnosis) -> str:
 def _unknown(unknown: UnknownEffect, change: str) -> str:
     curve = unknown.curve
     fit = fill("<p>The formula explains {:.1%} of the curve.</p>", unknown.r2) if unknown.terms else ""
+    fit = fill("<p>No product of two formulas describes it: its values by bin are used.</p>") if unknown.grid else fit
     fit = fill("<p>The curve does not differ from a constant.</p>") if unknown.is_constant else fit
     parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
     parameters = fill("<p>Fitted together with everything else: {}.</p>", parameters) if parameters else ""
@@ -97,7 +99,7 @@ def _unknown(unknown: UnknownEffect, change: str) -> str:
         parameters,
         error,
         unknown.name,
-        charts,
+        charts or _grid_chart(unknown),
         _object_table(unknown),
     )
 
@@ -155,6 +157,21 @@ def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
     if is_pair:
         text += " The effect is the product of both factors."
     return figure("", text, plot.svg(), kind="full", width_px=900)
+
+
+def _grid_chart(unknown: UnknownEffect) -> str:
+    """The measured values by pairs of bins of two covariates; empty for other effects."""
+    curve = unknown.curve
+    if unknown.grid is None:
+        return ""
+    head = dependence_words(curve.channel, curve.covariates)
+    text = (
+        f"Colour: {AXES[curve.channel].label} over its standard error; orange positive, blue negative, full colour "
+        "from ±6. Values with two standard errors are shown above each tile."
+    )
+    grid = EvidenceGrid(curve.x[0], curve.x[1], curve.y, curve.sigma)
+    drawn = grid_chart(curve.channel, curve.covariates, grid, head)
+    return figure("", text, drawn, kind="full", width_px=760)
 
 
 def _object_table(unknown: UnknownEffect) -> str:

@@ -11,16 +11,8 @@ import numpy as np
 from cosim.discrepancy.unknown.curve import Axis, Curve
 from cosim.discrepancy.unknown.families import FAMILIES
 from cosim.discrepancy.unknown.formula import Formula, explained_share, weights
-from cosim.discrepancy.unknown.terms import (
-    ObjectTable,
-    Term,
-    TermTable,
-    factor_errors,
-    object_table,
-    singular_pair,
-    term_over,
-    wave_of,
-)
+from cosim.discrepancy.unknown.pairs import Grid, factor_errors, product_at, singular_pair, terms_over
+from cosim.discrepancy.unknown.terms import ObjectTable, Term, TermTable, object_table, term_over, wave_of
 from sensors.effects.covariates import COVARIATES
 from sensors.effects.shared_errors import PACKET_FIRINGS, SECTORS
 
@@ -53,8 +45,9 @@ class UnknownEffect:
 
     Attributes:
         curve: as measured.
-        terms: one for each covariate, whose product it is; none of shared errors and of errors of objects.
+        terms: one for each covariate, whose product it is; none of shared errors, errors of objects and grids.
         objects: the changes of objects, of errors of size or place.
+        grid: values by pairs of bins of two covariates, where no product of terms describes the curve.
         params, ci95: of its effect, as fitted together with everything else; empty before.
     """
 
@@ -63,6 +56,7 @@ class UnknownEffect:
     params: Mapping[str, float] = field(default_factory=dict)
     ci95: Mapping[str, list[float]] = field(default_factory=dict)
     objects: ObjectTable | None = None
+    grid: Grid | None = None
 
     @classmethod
     def of(cls, curve: Curve) -> UnknownEffect:
@@ -76,13 +70,8 @@ class UnknownEffect:
             return cls(curve, (wave_of(curve.frequency_hz, curve.start_s, curve.y),))
         if len(curve.covariates) == 1:
             return cls(curve, (term_over(curve.covariates[0], curve.x[0], curve.y, curve.sigma, curve.periods[0]),))
-        parts = singular_pair(curve.y, curve.sigma)
-        errors = factor_errors(np.where(curve.is_known, curve.sigma, np.inf), *parts)
-        terms = [
-            term_over(*described)
-            for described in zip(curve.covariates, curve.x, parts, errors, curve.periods, strict=True)
-        ]
-        return cls(curve, tuple(terms))
+        found = terms_over(curve)
+        return cls(curve, (), grid=found) if isinstance(found, Grid) else cls(curve, found)
 
     @property
     def name(self) -> str:
@@ -101,7 +90,13 @@ class UnknownEffect:
             return {"sigma": self.params.get("sigma", self.standard_deviation)}
         if self.objects is not None:
             return dict(self.objects.parameters)
-        return {**self.terms[0].parameters, **self.params}
+        first = self.terms[0] if self.grid is None else self.grid
+        return {**first.parameters, **self.params}
+
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a function of covariates, unlike shared errors and errors of objects."""
+        return bool(self.terms) or self.grid is not None
 
     @property
     def standard_deviation(self) -> float:
@@ -121,9 +116,8 @@ class UnknownEffect:
         """Share of the curve that the terms explain."""
         if len(self.terms) < 2:
             return self.terms[0].r2 if self.terms else 1.0
-        product = np.outer(*(_filled(term, axis) for term, axis in zip(self.terms, self.curve.x, strict=True)))
         flat = self.curve.y.ravel(), self.curve.sigma.ravel()
-        return explained_share(flat[0], product.ravel(), weights(*flat))
+        return explained_share(flat[0], product_at(self.terms, self.curve.x).ravel(), weights(*flat))
 
     @property
     def form(self) -> str:
@@ -134,6 +128,8 @@ class UnknownEffect:
             return f"standard deviation {self.parameters['sigma']:.3g}{unit}, common to each {self.shared_by}"
         if self.objects is not None:
             return self.objects.text("x")
+        if self.grid is not None:
+            return self.grid.text(*_VARIABLES)
         parts = [term.text(name) for term, name in zip(self.terms, _VARIABLES, strict=False)]
         if len(parts) == 2:
             return "·".join(f"({part})" for part in parts)
@@ -155,7 +151,7 @@ class UnknownEffect:
     @property
     def variables(self) -> str:
         """The meaning of x and y, with units."""
-        if not self.terms:
+        if not self.is_function:
             return ""
         descriptions = [
             f"{variable}: {COVARIATES[name].words}{f' [{unit}]' if unit else ''}"
@@ -178,7 +174,7 @@ class UnknownEffect:
 
     @property
     def factors(self) -> tuple[Factor, ...]:
-        """One factor a covariate; none of shared errors and of errors of objects."""
+        """One factor for each of `terms`."""
         curve = self.curve
         parts: tuple[np.ndarray, ...] = (curve.y,)
         errors: tuple[np.ndarray, ...] = (curve.sigma,)
@@ -194,7 +190,7 @@ class UnknownEffect:
         curve = self.curve
         if curve.is_shared:
             return {"sigma": curve.unit}
-        if self.objects is not None:
+        if self.objects is not None or self.grid is not None:
             return {"amplitude": ""}
         term, of_x = self.terms[0], curve.units[0]
         found = dict.fromkeys(term.parameters, of_x)
@@ -227,6 +223,8 @@ class UnknownEffect:
             return fitted
         if self.objects is not None:
             return replace(fitted, objects=replace(self.objects, parameters=dict(params)))
+        if self.grid is not None:
+            return replace(fitted, grid=replace(self.grid, parameters=self._scale(self.grid.parameters, params)))
         first = self.terms[0]
         if isinstance(first, Formula):
             of_first = curve.y if len(self.terms) == 1 else singular_pair(curve.y, curve.sigma)[0]
@@ -235,12 +233,16 @@ class UnknownEffect:
             axis = np.asarray(curve.x[0], float)
             first = first.with_values(params, axis[known], of_first[known], sigma[known])
         else:
-            found = {name: float(params.get(name, v)) for name, v in first.parameters.items()}
-            if curve.channel == "drop" and "amplitude" in found:  # no probability falls by more than all of it
-                largest_fall = max(-float(np.nanmin(curve.y)), 1e-9)
-                found["amplitude"] = min(found["amplitude"], 1 / largest_fall)
-            first = replace(first, parameters=found)
+            first = replace(first, parameters=self._scale(first.parameters, params))
         return replace(fitted, terms=(first, *self.terms[1:]))
+
+    def _scale(self, old: Mapping[str, float], params: Mapping[str, float]) -> dict[str, float]:
+        """Parameters of a table from a later fit; no probability falls by more than all of it."""
+        found = {name: float(params.get(name, value)) for name, value in old.items()}
+        if self.curve.channel == "drop" and "amplitude" in found:
+            largest_fall = max(-float(np.nanmin(self.curve.y)), 1e-9)
+            found["amplitude"] = min(found["amplitude"], 1 / largest_fall)
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """Return what `diagnose --json` writes under `unknowns`."""
@@ -263,13 +265,6 @@ class UnknownEffect:
                 "sigma": _listed(curve.sigma),
             },
         }
-
-
-def _filled(term: Term, axis: np.ndarray | tuple[str, ...]) -> np.ndarray:
-    """Values of a term along an axis of a curve; 0 where it has none."""
-    if isinstance(term, TermTable) and isinstance(axis, tuple):
-        return term.parameters["amplitude"] * np.array([term.values.get(name, 0.0) for name in axis])
-    return term.evaluate(np.asarray(axis, float))
 
 
 def _listed(values: np.ndarray) -> list[Any]:

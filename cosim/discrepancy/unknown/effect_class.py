@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from cosim.discrepancy.unknown.curve import Curve
 from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.families import MOST_POWER
+from cosim.discrepancy.unknown.pairs import Grid
 from cosim.discrepancy.unknown.terms import Term
 from sensors.effects import channels, object_errors, shared_errors
 from sensors.effects.base import Effect, number
@@ -64,12 +65,13 @@ def effect_class(unknown: UnknownEffect | Curve) -> type[Effect]:
         "__annotations__": dict.fromkeys(own, ClassVar),
         **own,
     }
-    if unknown.terms:
+    if unknown.is_function:
         units = unknown.parameter_units
         for name, value in unknown.parameters.items():
             space["__annotations__"][name] = float
             space[name] = number(DESCRIPTIONS[name], unit=units[name], **bounds(name, value))
-        space["error"] = _error_function(unknown.terms, tuple(unknown.parameters))
+        names = tuple(unknown.parameters)
+        space["error"] = _error_of_grid(unknown.grid, names) if unknown.grid else _error_function(unknown.terms, names)
     make_class: Any = type(base)
     return make_class(unknown.class_name, (base,), space)
 
@@ -127,6 +129,15 @@ def bounds(name: str, value: float) -> dict[str, float]:
     if name == "wave" and value > 0:  # a curve does not determine waves that are much longer or shorter
         return {"ge": float(f"{value / 2:.3g}"), "le": float(f"{value * 2:.3g}")}
     return {"ge": float(f"{min(1e-6, value / 100):.1g}")} if name in POSITIVE and value > 0 else {}
+
+
+def _error_of_grid(grid: Grid, names: tuple[str, ...]) -> Any:
+    """The method `error` of its class: the values of pairs of bins."""
+
+    def error(self: Effect, x: Any, y: Any) -> Any:
+        return grid.evaluate(x, y, {name: getattr(self, name) for name in names})
+
+    return error
 
 
 def _error_function(terms: tuple[Term, ...], names: tuple[str, ...]) -> Any:

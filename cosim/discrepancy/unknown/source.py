@@ -30,7 +30,7 @@ _CHANNELS = {
 def effect_source(unknown: UnknownEffect | Curve) -> str:
     """Return the Python source of a file with the effect, in a class of the name `UnknownEffect.class_name`."""
     unknown = UnknownEffect.of(unknown) if isinstance(unknown, Curve) else unknown
-    return _source(unknown) if unknown.terms else _source_without_formula(unknown)
+    return _source(unknown) if unknown.is_function else _source_without_formula(unknown)
 
 
 def _source(unknown: UnknownEffect) -> str:
@@ -161,6 +161,9 @@ def _literal(value: object) -> str:
 
 def _body(unknown: UnknownEffect) -> tuple[list[str], str, list[str]]:
     """Lines of `error`, the constants before the class, and names to import from `covariates`."""
+    if unknown.grid is not None:
+        code = unknown.grid.code("x", "y", lambda name: f"self.{name}")
+        return [f"        return {code}"], unknown.grid.constants(), ["cell_of", "nearest_row"]
     codes, constants = [], []
     for number, (term, variable) in enumerate(zip(unknown.terms, ("x", "y"), strict=False)):
         values = term.values if isinstance(term, Formula) else term.parameters

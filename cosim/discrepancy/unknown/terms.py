@@ -17,8 +17,8 @@ from cosim.discrepancy.unknown.formula import Formula, best_formula, explained_s
 from sensors.effects.covariates import Categories, level_at
 
 _AMPLITUDE = {"amplitude": 1.0}
-_ENOUGH = 0.9  # share of a curve, above which a formula is preferred to the curve itself
-_FAR_ABOVE = 10.0  # by which BIC prefers the curve itself otherwise: very strong evidence (Kass and Raftery 1995)
+ENOUGH = 0.9  # share of a curve, above which a formula is preferred to the curve itself
+FAR_ABOVE = 10.0  # by which BIC prefers the curve itself otherwise: very strong evidence (Kass and Raftery 1995)
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class TermTable:
 
     def code(self, x: str, name_of: Callable[[str], str]) -> str:
         """Return the term as Python."""
-        return f"{name_of('amplitude')} * {x}.look_up({_constant(x)})"
+        return f"{name_of('amplitude')} * {x}.look_up({constant_name(x)})"
 
     def constants(self, x: str) -> str:
         """Return the table as Python."""
-        return _written(f"{_constant(x)} = {{", [f'"{name}": {value!r}' for name, value in self.values.items()], "}")
+        return literal(f"{constant_name(x)} = {{", [f'"{name}": {value!r}' for name, value in self.values.items()], "}")
 
     def text(self, x: str) -> str:
         """Return the categories that differ most from 0, in standard errors."""
@@ -72,12 +72,12 @@ class Levels:
 
     def code(self, x: str, name_of: Callable[[str], str]) -> str:
         """Return the term as Python."""
-        return f"{name_of('amplitude')} * level_at({x}, {_constant(x)})"
+        return f"{name_of('amplitude')} * level_at({x}, {constant_name(x)})"
 
     def constants(self, x: str) -> str:
         """Return the levels as Python."""
-        start = f"{_constant(x)} = {{  # by pose time [s]; other scans have other levels, which are not known"
-        return _written(start, [f"{time!r}: {value!r}" for time, value in self.values.items()], "}")
+        start = f"{constant_name(x)} = {{  # by pose time [s]; other scans have other levels, which are not known"
+        return literal(start, [f"{time!r}: {value!r}" for time, value in self.values.items()], "}")
 
     def text(self, x: str) -> str:
         """Return their mean and standard deviation."""
@@ -105,13 +105,13 @@ class Line:
     def code(self, x: str, name_of: Callable[[str], str]) -> str:
         """Return the term as Python."""
         cyclic = f", period={self.period!r}" if self.period else ""
-        return f"{name_of('amplitude')} * np.interp({x}, {_constant(x)}_X, {_constant(x)}_Y{cyclic})"
+        return f"{name_of('amplitude')} * np.interp({x}, {constant_name(x)}_X, {constant_name(x)}_Y{cyclic})"
 
     def constants(self, x: str) -> str:
         """Return the points as Python."""
-        name = _constant(x)
-        at = _written(f"{name}_X = (", [repr(value) for value in self.x], ")")
-        return at + "\n" + _written(f"{name}_Y = (", [repr(value) for value in self.y], ")")
+        name = constant_name(x)
+        at = literal(f"{name}_X = (", [repr(value) for value in self.x], ")")
+        return at + "\n" + literal(f"{name}_Y = (", [repr(value) for value in self.y], ")")
 
     def text(self, x: str) -> str:
         """Return the number of points and their extremes."""
@@ -183,9 +183,7 @@ class ObjectTable:
 def object_table(types: tuple[str, ...], axes: tuple[str, ...], y: np.ndarray) -> ObjectTable:
     """Return the table of measured changes (kinds, 3) [m]; 0 where they are not known."""
     rows = np.nan_to_num(np.asarray(y, float))
-    changes = {
-        kind: (_rounded(row[0]), _rounded(row[1]), _rounded(row[2])) for kind, row in zip(types, rows, strict=True)
-    }
+    changes = {kind: (rounded(row[0]), rounded(row[1]), rounded(row[2])) for kind, row in zip(types, rows, strict=True)}
     return ObjectTable(changes, axes)
 
 
@@ -211,73 +209,38 @@ def term_over(
     y, sigma = np.asarray(y, float)[known], np.asarray(sigma, float)[known]
     if isinstance(x, tuple):
         names = [x[row] for row in known]
-        values = {name: _rounded(value) for name, value in zip(names, y, strict=True)}
+        values = {name: rounded(value) for name, value in zip(names, y, strict=True)}
         return TermTable(values, dict(zip(names, sigma.tolist(), strict=True)))
     x = np.asarray(x, float)[known]
     order = np.argsort(x)
     x, y, sigma = x[order], y[order], sigma[order]
     if covariate == "scan":
-        return Levels({round(float(at), 6): _rounded(value) for at, value in zip(x, y, strict=True)})
+        return Levels({round(float(at), 6): rounded(value) for at, value in zip(x, y, strict=True)})
     formula = best_formula(x, y, sigma, period)
-    if formula.r2 >= _ENOUGH or formula.bic - len(x) * np.log(len(x)) < _FAR_ABOVE or len(x) < 4:
+    if formula.r2 >= ENOUGH or formula.bic - len(x) * np.log(len(x)) < FAR_ABOVE or len(x) < 4:
         return formula
     decimals = 6 - int(np.floor(np.log10(np.ptp(x))))
-    line = Line(tuple(round(float(v), decimals) for v in x), tuple(_rounded(value) for value in y), period)
+    line = Line(tuple(round(float(v), decimals) for v in x), tuple(rounded(value) for value in y), period)
     return replace(line, r2=explained_share(y, line.evaluate(x), weights(y, sigma)))
 
 
 def wave_of(frequency_hz: float, start_s: float, y: np.ndarray) -> Wave:
     """Return the wave of measured amplitudes of cosine and sine."""
-    return Wave(float(frequency_hz), float(start_s), {"cosine": _rounded(y[0]), "sine": _rounded(y[1])})
+    return Wave(float(frequency_hz), float(start_s), {"cosine": rounded(y[0]), "sine": rounded(y[1])})
 
 
-def singular_pair(table: np.ndarray, sigma: np.ndarray, steps: int = 50) -> tuple[np.ndarray, np.ndarray]:
-    """Return the factors (b1,) and (b2,) whose product is nearest to a table, the second of size 1 at most.
-
-    Alternating least squares with weights, unknown cells left out (first singular pair; Gabriel and Zamir,
-    Technometrics 1979).
-
-    Args:
-        table, sigma: (b1, b2) values and standard errors; not finite where they are not known.
-        steps: of the iteration.
-    """
-    known = np.isfinite(table) & np.isfinite(sigma)
-    y = np.where(known, table, 0.0)
-    weight = np.where(known, 1 / np.maximum(np.nan_to_num(sigma, posinf=1.0), 1e-9) ** 2, 0.0)
-    start = np.abs(weight * y).sum(0)
-    second = np.where(start > 0, 1.0, 0.0)
-    row = int(np.argmax((weight * y**2).sum(1)))
-    if np.any(weight[row] * y[row]):
-        second = y[row] / max(float(np.abs(y[row]).max()), 1e-300)
-    first = np.zeros(len(y))
-    for _ in range(steps):
-        first = (weight * y * second).sum(1) / np.maximum((weight * second**2).sum(1), 1e-300)
-        second = (weight * y * first[:, None]).sum(0) / np.maximum((weight * first[:, None] ** 2).sum(0), 1e-300)
-        second = second / max(float(np.abs(second).max()), 1e-300)
-    first = (weight * y * second).sum(1) / np.maximum((weight * second**2).sum(1), 1e-300)
-    if np.abs(second).max() > second.max():  # the largest value is below 0
-        first, second = -first, -second
-    return first, second
-
-
-def factor_errors(sigma: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return standard errors (b1,) and (b2,) of the factors of `singular_pair`; infinite where nothing is known."""
-    weight = np.where(np.isfinite(sigma), 1 / np.maximum(np.nan_to_num(sigma, posinf=1.0), 1e-9) ** 2, 0.0)
-    with np.errstate(divide="ignore"):
-        return 1 / np.sqrt((weight * second**2).sum(1)), 1 / np.sqrt((weight * first[:, None] ** 2).sum(0))
-
-
-def _constant(x: str) -> str:
-    """Name of a table in a file: that of the first covariate is `TABLE`."""
+def constant_name(x: str) -> str:
+    """Return the name of a table in a file: that of the first covariate is `TABLE`."""
     return "TABLE" if x == "x" else f"TABLE_OF_{x.upper()}"
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
+    """Round to five digits."""
     return float(f"{float(value):.5g}")
 
 
-def _written(start: str, parts: list[str], end: str) -> str:
-    """A Python literal over several lines, at most 110 columns wide."""
+def literal(start: str, parts: list[str], end: str) -> str:
+    """Return a Python literal over several lines, at most 110 columns wide."""
     whole = f"{start}{', '.join(parts)}{end}"
     if len(whole) <= 110 and "#" not in start:
         return whole

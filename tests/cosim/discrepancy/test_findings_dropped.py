@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from cosim.discrepancy.analysis import context_of, trace_and_fit
 from cosim.discrepancy.budget import budget_of
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.dictionary.groups import Group, Tangent
+from cosim.discrepancy.held_out import HeldOutCheck, check_held_out
 from cosim.discrepancy.missing import Missing, ReportedTerm, drop_insignificant
 from cosim.discrepancy.selection.evidence import gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
@@ -73,11 +75,14 @@ def test_a_finding_that_raises_the_error_of_held_out_frames_is_listed_instead(tm
     evidence = gather_evidence(model, (), context.settings, 0)
     found = tuple(ReportedTerm(name, 0.001) for name in ("range_bias", "random_dropout"))
     missing = Missing(model, found, (), evidence, evidence, {})
-    budget, _ = budget_of(context, missing.held_out(context), [own, (*own, bias), both])
-    harmful = missing.harmful(budget, (), context)
-    assert [one.name for one in harmful] == ["random_dropout"]
-    assert not missing.harmful(budget, ("random_dropout",), context), "others need it"
-    left = missing.without(context, harmful)
+    budget, frame_pairs = budget_of(context, missing.held_out(context), [own, (*own, bias), both])
+    measured = HeldOutCheck(missing, budget, frame_pairs, frozenset())
+    assert [one.name for one in measured.harmful(context)] == ["random_dropout"]
+    assert not replace(measured, needed=frozenset({"random_dropout"})).harmful(context), "others need it"
+    initial = FittedModel(on.frames, on.fitter, on.fitter.fit(own, ()), ())
+    check = check_held_out(context, missing, initial)
+    left = check.missing
+    assert len(check.budget.aligned_steps) == 2 and check.budget.aligned_steps[1].error < budget.aligned_steps[2].error
     assert [one.name for one in left.findings] == ["range_bias"] and left.phases == terms[1:]
     assert [effect.name for effect in left.model.fitted.effects] == ["range_noise", "range_bias"]
     assert left.ci95["range_bias"]["offset_m"][0] < BIAS_M < left.ci95["range_bias"]["offset_m"][1]

@@ -14,9 +14,11 @@ from cosim.discrepancy.unknown.effect import UnknownEffect
 from cosim.discrepancy.unknown.effect_class import bounds, effect_of
 from cosim.discrepancy.unknown.families import FAMILIES
 from cosim.discrepancy.unknown.formula import best_formula
+from cosim.discrepancy.unknown.pairs import singular_pair
 from cosim.discrepancy.unknown.source import effect_source
-from cosim.discrepancy.unknown.terms import Line, TermTable, singular_pair
+from cosim.discrepancy.unknown.terms import Line, TermTable
 from cosim.drives.sensor_files import write_sensor
+from sensors.effects.covariates import Categories
 from sensors.pattern import load_pattern
 from sensors.sensor_model import SensorModel, load_sensor
 
@@ -108,6 +110,44 @@ def test_a_pair_is_the_product_of_its_factors_with_their_units() -> None:
     parts = singular_pair(y, sigma)
     assert np.abs(parts[1]).max() == pytest.approx(1.0)
     np.testing.assert_allclose(np.outer(*parts), np.outer(first, second), atol=0.01)
+
+
+def pair_that_is_no_product() -> Curve:
+    """Losses behind two masks at different azimuths and elevations, by ring and azimuth."""
+    names = tuple(str(ring) for ring in range(8))
+    y = np.zeros((8, 40))
+    y[:3, 4:9], y[4:, 22:30] = -0.9, -0.6
+    y += np.random.default_rng(3).normal(0, 0.002, y.shape)
+    sigma = np.full(y.shape, 0.004)
+    sigma[7, 39], y[7, 39] = np.inf, np.nan
+    return Curve("drop", ("ring", "azimuth"), ("", "rad"), (names, AZIMUTH), y, sigma, (0.0, TURN))
+
+
+def test_a_pair_that_is_no_product_stays_a_table() -> None:
+    curve = pair_that_is_no_product()
+    unknown = UnknownEffect.of(curve)
+    assert unknown.grid is not None and not unknown.terms
+    assert unknown.form.startswith("table of 8 × 40 values, from −0.9") and "x = " in unknown.form
+    rings = Categories(np.repeat(np.arange(8), 40), curve.x[0])  # type: ignore[arg-type]
+    azimuth = np.tile(AZIMUTH, 8) + TURN  # cyclic
+    made = effect_of(unknown)
+    found = made.error(rings, azimuth).reshape(8, 40)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(found, np.where(curve.is_known, curve.y, 0.0), atol=1e-5)
+    others = Categories(np.array([-1, 0]), ("99",))
+    np.testing.assert_equal(made.error(others, np.zeros(2)), 0.0)  # type: ignore[attr-defined]
+
+
+def test_the_plug_in_of_a_table_of_two_covariates_is_the_same_effect(tmp_path: Path) -> None:
+    unknown = UnknownEffect.of(pair_that_is_no_product())
+    sensor = SensorModel(load_pattern("hdl64e"), (effect_of(unknown),), "found")
+    path = write_sensor(sensor, tmp_path / "sensor.yaml", {unknown.name: (unknown.class_name, effect_source(unknown))})
+    loaded = load_sensor(path).effects[0]
+    rings = Categories(np.arange(300) % 8, tuple(str(ring) for ring in range(8)))
+    azimuth = np.random.default_rng(0).uniform(-np.pi, np.pi, 300)
+    expected = effect_of(unknown).error(rings, azimuth)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(loaded.error(rings, azimuth), expected, atol=1e-6)  # type: ignore[attr-defined]
+    halved = unknown.refitted({"amplitude": 0.5}, {"amplitude": [0.4, 0.6]})
+    np.testing.assert_allclose(effect_of(halved).error(rings, azimuth), expected / 2, atol=1e-6)  # type: ignore[attr-defined]
 
 
 def test_a_table_names_its_significant_categories() -> None:
