@@ -23,14 +23,18 @@ from cosim.discrepancy.analysis import (
 from cosim.discrepancy.data.checks import check_fit, drive_notes, fit_notes, opened
 from cosim.discrepancy.data.wiring import Exchange, exchange_notes, exchanged_rings
 from cosim.discrepancy.diagnosis import Alternative, Diagnosis, Finding
+from cosim.discrepancy.dictionary.covariates import sample_covariates
 from cosim.discrepancy.dictionary.lattices import find_lattices
+from cosim.discrepancy.dictionary.linearisation import linearise
 from cosim.discrepancy.evidence_matrix import evidence_matrix
 from cosim.discrepancy.held_out import HeldOutCheck, check_held_out
 from cosim.discrepancy.missing import ReportedTerm, find_missing
+from cosim.discrepancy.selection.curves import rest_of_curve
 from cosim.discrepancy.selection.evidence import SelectionEvidence
 from cosim.discrepancy.selection.refit import FittedModel, Term
 from cosim.discrepancy.settings import DEFAULT, Settings
 from cosim.discrepancy.unexplained import Unexplained, remaining
+from cosim.discrepancy.unknown.curve import Curve
 from cosim.drives.kitti import Drive
 from cosim.drives.twin.surfels import has_surfels
 from cosim.labels.bias import Certainty, diagnose_labels
@@ -128,12 +132,12 @@ def conclude(
     model, first, last = missing.model, missing.first, missing.last
     fitted, findings = model.fitted, (*facts, *missing.findings)
     on, ci95 = FittedFrames(context.split.fit, model.frames, model.fitter, fitted), missing.ci95
-    effects, unknowns = [], []
+    effects, unknowns, rests = [], [], _rests(context, model, missing.findings)
     for number, one in enumerate(findings):
         effect = next(effect for effect in fitted.effects if effect.name == one.name)
         params, interval = effect.model_dump(mode="json"), ci95.get(one.name, one.interval or {})
         if one.unknown is not None:
-            unknowns.append(one.unknown.refitted(params, interval))
+            unknowns.append(one.unknown.refitted(params, interval, rests.get(one.name)))
             continue
         similar = tuple(dict.fromkeys(name for name in one.alternatives if name in _catalogue(context)))
         steps = budget.steps[number], budget.steps[number + 1]
@@ -187,6 +191,20 @@ def _initially_free(context: Context) -> tuple[int, ...]:
 
 def _catalogue(context: Context) -> set[str]:
     return {kind.name for kind in context.candidates} | {effect.name for effect in context.initial_effects}
+
+
+def _rests(context: Context, model: FittedModel, findings: Sequence[ReportedTerm]) -> dict[str, Curve]:
+    """What the data still differ by from each formula, by the name of its effect."""
+    with_formula = [one for one in findings if one.unknown is not None and one.unknown.has_formula]
+    if not with_formula:
+        return {}
+    linearisation, terms = linearise(model.fitter, model.fitted, model.frames), {t.group.name: t for t in model.terms}
+    sample, sectors = model.fitter.sample, context.settings.selection.sectors
+    covariates = {one.name: one for one in sample_covariates(sample, model.fitted.prediction, model.frames)}
+    rests = {
+        one.name: rest_of_curve(linearisation, terms[one.term], covariates, one.name, sectors) for one in with_formula
+    }
+    return {name: rest for name, rest in rests.items() if rest is not None}
 
 
 def _wiring(exchanged: Sequence[Exchange]) -> tuple[Unexplained, ...]:

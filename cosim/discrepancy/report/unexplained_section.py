@@ -77,7 +77,7 @@ def unknown_section(diagnosis: Diagnosis) -> str:
 
 def _unknown(unknown: UnknownEffect, change: str) -> str:
     curve = unknown.curve
-    fit = fill("<p>The formula explains {:.1%} of the curve.</p>", unknown.r2) if unknown.terms else ""
+    fit = fill("<p>The formula explains {} of the curve.</p>", _share(unknown.r2)) if unknown.terms else ""
     fit = fill("<p>No product of two formulas describes it: its values by bin are used.</p>") if unknown.grid else fit
     fit = fill("<p>The curve does not differ from a constant.</p>") if unknown.is_constant else fit
     parameters = ", ".join(_parameter(name, value, unknown) for name, value in unknown.params.items())
@@ -102,6 +102,10 @@ def _unknown(unknown: UnknownEffect, change: str) -> str:
         charts or _grid_chart(unknown),
         _object_table(unknown),
     )
+
+
+def _share(r2: float) -> str:
+    return f"{r2:.1%}" if r2 > 0 else "nothing"
 
 
 def _parameter(name: str, value: float, unknown: UnknownEffect) -> str:
@@ -153,7 +157,7 @@ def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
         plot.line(covariate.factor * x, middle, "a", dots=True)
         fine = np.linspace(float(x.min()), float(x.max()), 300)
         plot.line(covariate.factor * fine, convert(factor.term.evaluate(fine)), "b")
-        text = "Dots: measured change by bin, with two standard errors. Blue: the fitted term."
+        text = "Dots: change by bin next to all other findings, with two standard errors. Blue: the fitted term."
     if is_pair:
         text += " The effect is the product of both factors."
     return figure("", text, plot.svg(), kind="full", width_px=900)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,8 @@ from cosim.discrepancy.dictionary.linearisation import Linearisation
 from cosim.discrepancy.dictionary.objects import AXES, PLACES
 from cosim.discrepancy.inference.dependence import SPURIOUS, Dependence
 from cosim.discrepancy.inference.linear_model import LinearModel
-from cosim.discrepancy.inference.score import ridged, stacked
-from cosim.discrepancy.selection.refit import Term
+from cosim.discrepancy.inference.score import Column, Quantity, SparseMatrix, ridged, stacked
+from cosim.discrepancy.selection.refit import Term, rebuilt
 from cosim.discrepancy.unknown.curve import Curve
 
 
@@ -54,6 +55,35 @@ def curve_of(linearisation: Linearisation, term: Term, sectors: int) -> Curve | 
     return _binned_curve(group, y, sigma, term.p_value)
 
 
+def rest_of_curve(
+    linearisation: Linearisation, term: Term, covariates: Mapping[str, SampleCovariate], name: str, sectors: int
+) -> Curve | None:
+    """What the data still differ by from the fitted formula of a term, by bin: one Gauss–Newton step about it.
+
+    The formula plus this rest is the curve next to everything else that is fitted (partial residuals: Larsen and
+    McCleary, Technometrics 1972). None for terms without bins and for shares of spurious returns.
+
+    Args:
+        linearisation: about the final model.
+        term: of the formula.
+        covariates: of the sample, by name.
+        name: of the formula's effect.
+        sectors: parts of a scan that are clusters.
+    """
+    group, fitted = rebuilt(linearisation, term.group, covariates), linearisation.fitted
+    if group is None or group.covariate is None or group.basis is None or group.channel in SPURIOUS:
+        return None
+    others = tuple(
+        column
+        for parameter, column in zip(fitted.free, fitted.columns, strict=False)
+        if fitted.effects[parameter.effect].name != name
+    )
+    step, sigma = _step(linearisation, group.columns, others, group.channel, sectors)
+    if group.channel == "drop":
+        sigma = _of_probabilities(linearisation, Dependence(group.name, group.channel, group.basis, step), sigma)
+    return _binned_curve(group, step, sigma, term.p_value)
+
+
 def standard_errors(linearisation: Linearisation, dependence: Dependence, sectors: int) -> np.ndarray:
     """Cluster-robust standard errors (k,) of coefficients, everything else fitted eliminated.
 
@@ -67,20 +97,30 @@ def standard_errors(linearisation: Linearisation, dependence: Dependence, sector
         return np.sqrt(np.maximum(dependence.coefficients, 1 / np.maximum(beams, 1.0)) * event / np.maximum(beams, 1.0))
     index = next(row for row, one in enumerate(fitted.dependences) if one.basis is dependence.basis)
     at = len(fitted.columns) - len(fitted.dependences) + index
-    own = fitted.columns[at]
     others = tuple(column for row, column in enumerate(fitted.columns) if row != at)
+    columns = stacked([fitted.columns[at]], linearisation.evidence.score, len(sample))
+    _, sigma = _step(linearisation, columns, others, dependence.channel, sectors)
+    return _of_probabilities(linearisation, dependence, sigma) if dependence.channel == "drop" else sigma
+
+
+def _step(
+    linearisation: Linearisation,
+    columns: dict[Quantity, SparseMatrix],
+    others: Sequence[Column],
+    channel: str,
+    sectors: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """One Gauss–Newton step (k,) of columns next to other ones, and its cluster-robust standard errors (k,)."""
     mixed = LinearModel.of(
-        linearisation.fitter.random, others, linearisation.evidence, fitted.prediction, fitted.estimate
-    )
-    columns = stacked([own], linearisation.evidence.score, len(sample))
-    projector = replace(linearisation, mixed=mixed).projector(sectors, family_of(dependence.channel))
-    found = projector.project(columns)
+        linearisation.fitter.random, others, linearisation.evidence, linearisation.fitted.prediction,
+        linearisation.fitted.estimate,
+    )  # fmt: skip
+    found = replace(linearisation, mixed=mixed).projector(sectors, family_of(channel)).project(columns)
     inverse = np.linalg.pinv(ridged(found.information, 1e-6), hermitian=True)
     variances = [np.diag(inverse)]
     variances += [np.einsum("ij,jk,ik->i", inverse, table.T @ table, inverse) for table in found.tables]
     sigma = np.sqrt(np.maximum(np.max(variances, axis=0), 0))
-    sigma = np.where(np.diag(found.information) > 0, sigma, np.inf)
-    return _of_probabilities(linearisation, dependence, sigma) if dependence.channel == "drop" else sigma
+    return inverse @ found.tables[0].sum(0), np.where(np.diag(found.information) > 0, sigma, np.inf)
 
 
 def _of_probabilities(linearisation: Linearisation, dependence: Dependence, sigma: np.ndarray) -> np.ndarray:

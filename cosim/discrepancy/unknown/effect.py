@@ -211,12 +211,30 @@ class UnknownEffect:
         size = term.parameters["amplitude"]
         return [(name, size * term.values[name], abs(size) * term.sigma[name]) for name in term.outstanding()]
 
+    @property
+    def has_formula(self) -> bool:
+        """Whether a formula of numbers describes the curve or a factor of it."""
+        return any(isinstance(term, Formula) for term in self.terms) and not self.curve.frequency_hz
+
     def predict(self, x: np.ndarray) -> np.ndarray:
         """Return the size of an effect of one numeric covariate at x."""
         return self.terms[0].evaluate(np.asarray(x, float))
 
-    def refitted(self, params: Mapping[str, float], ci95: Mapping[str, list[float]]) -> UnknownEffect:
-        """Return the same with the parameters and intervals of a later fit, which its first term takes over."""
+    def refitted(
+        self, params: Mapping[str, float], ci95: Mapping[str, list[float]], rest: Curve | None = None
+    ) -> UnknownEffect:
+        """Return the same with the parameters and intervals of a later fit, which its first term takes over.
+
+        Args:
+            params: of its effect.
+            ci95: their intervals.
+            rest: what the data still differ by from the formula next to everything else that was fitted; the curve
+                becomes the sum of both. Default: the curve stays as measured.
+        """
+        if rest is not None:
+            terms = self.refitted(params, ci95).terms
+            size = product_at(terms, rest.x) if len(terms) == 2 else terms[0].evaluate(np.asarray(rest.x[0], float))
+            return replace(self, curve=replace(rest, y=rest.y + size)).refitted(params, ci95)
         curve = self.curve
         fitted = replace(self, params=dict(params), ci95=dict(ci95))
         if curve.is_shared:

@@ -43,7 +43,7 @@ def _source(unknown: UnknownEffect) -> str:
     imports = ["from typing import Any, ClassVar" if not is_numeric else "from typing import ClassVar", ""]
     imports += ["import numpy as np", "", "from sensors.effects.base import number"]
     imports += [f"from sensors.effects.channels import {base.__name__}"]
-    imports += [f"from sensors.effects.covariates import {name}" for name in used]
+    imports += [f"from sensors.effects.covariates import {', '.join(used)}"] if used else []
     units = unknown.parameter_units
     fields = [
         f'    {name}: float = number("{DESCRIPTIONS[name]}", unit="{units[name]}"{_bound(name, value)})'
@@ -103,7 +103,8 @@ def _heading(unknown: UnknownEffect, what: str) -> str:
     if unknown.variables:
         sentences.append(f"Here {unknown.variables.replace('x: ', 'x is the ', 1).replace('; y: ', ', y the ')}.")
     is_formula = bool(unknown.terms) and all(isinstance(term, Formula) for term in unknown.terms)
-    explained = f"The formula explains {100 * unknown.r2:.0f} % of the measured curve (R²); " if is_formula else ""
+    share = f"{100 * unknown.r2:.0f} %" if unknown.r2 > 0 else "nothing"
+    explained = f"The formula explains {share} of the measured curve (R²); " if is_formula else ""
     sentences.append(f"{explained}p = {curve.p_value:.2g}.")
     sentences += _limits(unknown)
     sentences.append("Rename the class and `name` when the cause is known; `cosim add` fits the parameters again.")
