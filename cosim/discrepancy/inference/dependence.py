@@ -166,7 +166,7 @@ def moved_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tu
 def updated_spurious_shares(
     sample: Sample, expected: Prediction, likelihood: np.ndarray, dependences: Sequence[Dependence]
 ) -> tuple[Dependence, ...]:
-    """Update the shares of spurious returns by one step of expectation maximisation.
+    """Update the shares of spurious returns by one step of expectation maximisation, up to the largest share.
 
     Args:
         sample: of beams.
@@ -182,7 +182,7 @@ def updated_spurious_shares(
             start = np.where(dependence.coefficients > 0, dependence.coefficients, least)
             new = dependence.basis.T @ (share * density[dependence.channel] / likelihood)
             start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
-            dependence = replace(dependence, coefficients=start)
+            dependence = replace(dependence, coefficients=np.minimum(start, _MOST_SHARE))
         updated.append(dependence)
     return tuple(updated)
 
