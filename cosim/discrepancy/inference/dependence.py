@@ -164,14 +164,14 @@ def moved_dependences(dependences: Sequence[Dependence], step: np.ndarray) -> tu
 
 
 def updated_spurious_shares(
-    sample: Sample, expected: Prediction, likelihood: np.ndarray, dependences: Sequence[Dependence]
+    sample: Sample, expected: Prediction, per_density: np.ndarray, dependences: Sequence[Dependence]
 ) -> tuple[Dependence, ...]:
     """Update the shares of spurious returns by one step of expectation maximisation, up to the largest share.
 
     Args:
         sample: of beams.
         expected: prediction with the dependences.
-        likelihood: (n,) of each beam's outcome.
+        per_density: (n,) increase of each beam's log-likelihood per density of a spurious return.
         dependences: of which the one-sided ones are updated.
     """
     share, density = sample.share * sample.compared * sample.first, spurious_densities(sample, expected)
@@ -180,7 +180,7 @@ def updated_spurious_shares(
     for dependence in dependences:
         if dependence.is_one_sided:
             start = np.where(dependence.coefficients > 0, dependence.coefficients, least)
-            new = dependence.basis.T @ (share * density[dependence.channel] / likelihood)
+            new = dependence.basis.T @ (share * density[dependence.channel] * per_density)
             start = start * new / np.maximum(dependence.basis.T @ share, 1e-9)
             dependence = replace(dependence, coefficients=np.minimum(start, _MOST_SHARE))
         updated.append(dependence)

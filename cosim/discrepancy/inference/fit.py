@@ -440,8 +440,9 @@ class Fitter:
         """Update the shares of spurious returns by one step of expectation maximisation."""
         if not any(dependence.is_one_sided for dependence in state.dependences):
             return state
-        likelihood = np.exp(self.residuals(state.prediction, state.estimate, blur).outcome)
-        dependences = updated_spurious_shares(self.sample, state.prediction, likelihood, state.dependences)
+        residuals = self.residuals(state.prediction, state.estimate, blur)
+        per_density = residuals.either / np.exp(residuals.outcome)
+        dependences = updated_spurious_shares(self.sample, state.prediction, per_density, state.dependences)
         return self._state(state.effects, state.estimate, blur, dependences, state)
 
     def _optimise_albedo(self, state: _State, blur: float, other: Estimate | None = None) -> _State:

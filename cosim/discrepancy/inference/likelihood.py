@@ -101,6 +101,7 @@ class Residuals:
         intensity_score, intensity_information: score and information of the intensity with respect to its mean, in
             standard deviations (see `Censored`). On a map that was made from the scans, the sensor's σ changes in
             proportion to the mean.
+        either: probability before the measurement that the beam hits one of the sides of an edge; 1 away from edges.
         met: probability that the beam hit the surface of its row; 1 away from edges.
         matched: posterior probability that the return is from this surface.
         bright: posterior probability that the intensity is also from this surface; 0 if ambiguous.
@@ -122,6 +123,7 @@ class Residuals:
     intensity_sigma: np.ndarray
     intensity_score: np.ndarray
     intensity_information: np.ndarray
+    either: np.ndarray
     met: np.ndarray
     matched: np.ndarray
     bright: np.ndarray
@@ -169,7 +171,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     density = surface + elsewhere
     outcome = kept * np.where(returned, density, silent) / untouched
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
-    likelihood, met = _mixed(sample, outcome)
+    likelihood, either, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
     ends = MapEnds.of(sample, np.where(returned, np.maximum(certain, constants.lost_share), silent))
     if ends is not None:
@@ -201,6 +203,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
         spread,
         score,
         information,
+        either,
         met,
         matched,
         matched * own_share,
@@ -215,8 +218,8 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     )
 
 
-def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Likelihoods (n,) of beams in their first rows, and posterior probabilities (n,) of hitting each row's surface.
+def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Likelihoods (n,) of beams in their first rows, and probabilities (n,) of hitting either side and each surface.
 
     Beams near edges hit one of the sides, or an unknown surface: then they have a return near one of the sides, at a
     uniform range, or none. The shares of these are estimated by class, see `Sample.edge_class`. A beam that misses both
@@ -226,10 +229,14 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     Args:
         sample: sample of measured beams.
         outcome: (n,) likelihood of each beam's measurement if it hit the surface of this row.
+
+    Returns:
+        Likelihood; `Residuals.either` and `Residuals.met`.
     """
+    either, met = np.ones(len(outcome)), np.ones(len(outcome))
     if not sample.edge.any():
-        return outcome, np.ones(len(outcome))
-    likelihood, met = np.bincount(sample.own, sample.chance * outcome, len(outcome)), np.ones(len(outcome))
+        return outcome, either, met
+    likelihood = np.bincount(sample.own, sample.chance * outcome, len(outcome))
     likelihood = np.where(sample.first, likelihood, 1.0)
     constants = sample.settings.likelihood
     outside_share = max(sample.share_behind_sides, constants.least_outside_share)
@@ -243,10 +250,10 @@ def _mixed(sample: Sample, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         weight = np.where(before & ~before.all(), 0.0, sample.weight[near])
         share = mixture_weights(likelihood[near], neither, weight, constants)
         neither[-2] *= np.where(before, min(outside_share / share[-2], 1.0), 1.0)
-        either = 1 - share.sum()
-        likelihood[near] = either * likelihood[near] + share @ neither
-        met[rows] = either * (sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
-    return likelihood, met
+        either[rows] = 1 - share.sum()
+        likelihood[near] = either[near] * likelihood[near] + share @ neither
+        met[rows] = (either * sample.chance * outcome)[rows] / likelihood[sample.own[rows]]
+    return likelihood, either, met
 
 
 def intensity_loglik(sample: Sample, expected: Prediction) -> np.ndarray:
