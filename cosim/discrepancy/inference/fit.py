@@ -323,9 +323,9 @@ class Fitter:
         blur_m = self.roughness(self.random.adjusted(state.prediction, state.estimate))
         if not blur_m:
             return state
-        blurred = start
+        blurred, few = start, min(steps, self.settings.descent.steps_inflated)
         while blur_m > 0:
-            blurred = self._descend(blurred, free, blur_m, steps, simplified, roughly)
+            blurred = self._descend(blurred, free, blur_m, few, simplified, roughly)
             blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
         blurred = self._descend(blurred, free, 0.0, steps, simplified, roughly)
         return max(
@@ -348,7 +348,7 @@ class Fitter:
         slopes: tuple[Column, ...] = ()
         lists = list_numbers(state.effects, free) * self.sample.of_own_map
         precision = np.zeros(len(lists))
-        tried_first, failures = 0, 0
+        tried_first, failures, started = 0, 0, 0.0
 
         def objective(candidate: _State) -> float:
             return self._penalised_loglik(candidate) - 0.5 * float(precision @ deviations(candidate.effects, free) ** 2)
@@ -404,7 +404,9 @@ class Fitter:
             if not np.array_equal(after.u, state.estimate.u):  # those of negligible variance are 0 now
                 state = replace(state, residuals=self.residuals(state.prediction, after, blur))
             state = self._with_surface_spread(replace(state, estimate=after), blur)
-            is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value))
+            started = value if number == 0 else started
+            relative = self.settings.descent.rough_gain * (value - started) if roughly else 0.0
+            is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value), relative)
             if is_small and number >= 2 and (is_stationary or failures >= _MOST_FAILURES):
                 if begin == 0:
                     break

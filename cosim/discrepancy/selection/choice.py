@@ -56,6 +56,20 @@ def needed_gain(group: Group, model: FittedModel, settings: Settings) -> float:
     )
 
 
+@dataclass(frozen=True)
+class Rejected:
+    """Candidates that are not added to a model.
+
+    Attributes:
+        names: of their groups.
+        is_chance: whether their exact refits gain no more than chance; otherwise their gain is not significant next to
+            this model, but may be next to others.
+    """
+
+    names: frozenset[str]
+    is_chance: bool
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """A candidate and its exact refit.
@@ -63,12 +77,12 @@ class _Trial:
     Attributes:
         result: of the candidate.
         gain: marginal log-likelihood that the refit gains.
-        model: refitted.
+        model: refitted; None if the refit was made earlier.
     """
 
     result: GroupTest
     gain: float
-    model: FittedModel
+    model: FittedModel | None
 
     @property
     def penalty(self) -> float:
@@ -87,8 +101,8 @@ def choose(
     candidates: Sequence[GroupTest],
     rejected: Collection[str],
     settings: Settings,
-) -> tuple[FittedModel, GroupTest] | frozenset[str]:
-    """The model with the best candidate, and which it is; or the names of candidates whose exact gain is chance."""
+) -> tuple[FittedModel, GroupTest] | Rejected:
+    """The model with the best candidate, and which it is; or candidates that are not added."""
     best = _first(candidates)
     if best.group.is_shared:
         return _with_shared(model, evidence, best, settings), best
@@ -103,41 +117,55 @@ def choose(
     kinds = {_kind(result.group) for result in shortlist}
     shortlist += [result for result in _leading_effects(best, same_order) if _kind(result.group) not in kinds]
     shortlist += _turned(best, results, shortlist)
-    trials = []
-    for result in shortlist:
-        # Shape parameters of effects, and what random effects have absorbed, start far from their values.
-        is_far = result.group.is_effect or result.entry.is_of_random
-        steps = settings.descent.steps if is_far else _ROUGH_STEPS
-        after, _ = refit_with(
-            model, evidence.linearisation, result.group, result.entry.start, fine=False, steps=steps,
-            absorbed=result.entry.absorbed,
-        )  # fmt: skip
-        trials.append(_Trial(result, after.loglik - model.loglik, after))
+    trials = [_tried(model, evidence, result, settings) for result in shortlist]
     _LOG.debug("tried %s", [(one.result.group.name, round(one.result.gain, 1), round(one.gain, 1)) for one in trials])
     trial = _simplest(trials, settings)
     needed = {one: needed_gain(one.result.group, model, settings) for one in trials}
     if trial.net_gain < needed[trial]:
-        return frozenset(one.result.group.name for one in trials if one.net_gain < needed[one])
+        return Rejected(frozenset(one.result.group.name for one in trials if one.net_gain < needed[one]), True)
     result = trial.result
-    after, group = trial.model, result.group
+    after, group = trial.model or _refitted(model, evidence, result, settings), result.group
     shared = [one for one in candidates if one.group.is_shared and one.group.family == group.family]
     if group.channel in SPREADS and shared:  # an error that beams share is noise of each, too; noise is not shared
         return _with_shared(model, evidence, shared[0], settings), shared[0]
     if not group.is_effect:
         after, group = _refined(model, evidence, trial)
     if after.loglik - model.loglik - trial.penalty < needed_gain(group, model, settings):
-        return frozenset({result.group.name})
+        return Rejected(frozenset({result.group.name}), True)
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
     p_value = _p_value(model, evidence, after, group, result, settings)
     if p_value > settings.selection.level:
-        return frozenset({result.group.name})
+        return Rejected(frozenset({result.group.name}), False)
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
     alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)
     # An effect may have replaced the dependence.
     term = Term(group, p_value, result.gain, gain, _penalty(group, result), alternatives)
     return replace(after, terms=(*model.terms, term)), result
+
+
+def _tried(model: FittedModel, evidence: SelectionEvidence, result: GroupTest, settings: Settings) -> _Trial:
+    """The candidate with its exact gain, which is computed once about a model."""
+    name = result.group.name
+    if name in evidence.exact_gains:
+        return _Trial(result, evidence.exact_gains[name], None)
+    after = _refitted(model, evidence, result, settings)
+    evidence.exact_gains[name] = after.loglik - model.loglik
+    return _Trial(result, evidence.exact_gains[name], after)
+
+
+def _refitted(model: FittedModel, evidence: SelectionEvidence, result: GroupTest, settings: Settings) -> FittedModel:
+    """The model with a candidate.
+
+    Shape parameters of effects, and what random effects have absorbed, start far from their values.
+    """
+    is_far = result.group.is_effect or result.entry.is_of_random
+    after, _ = refit_with(
+        model, evidence.linearisation, result.group, result.entry.start, fine=False,
+        steps=settings.descent.steps if is_far else _ROUGH_STEPS, absorbed=result.entry.absorbed,
+    )  # fmt: skip
+    return after
 
 
 def _p_value(

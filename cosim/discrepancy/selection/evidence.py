@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,12 +27,14 @@ class SelectionEvidence:
         dictionary: all hypotheses.
         results: of those that the first pass kept, the largest gain first.
         rejected: names of groups whose exact refits gain no more than chance.
+        exact_gains: log-likelihoods that exact refits of groups gained, by name, as far as they were made.
     """
 
     linearisation: Linearisation
     dictionary: Dictionary
     results: list[GroupTest]
     rejected: frozenset[str] = frozenset()
+    exact_gains: dict[str, float] = field(default_factory=dict)
 
     def tested_like(self, entry: Entry) -> int:
         """Number of hypotheses for which a p-value has to allow.

@@ -9,7 +9,7 @@ from dataclasses import replace
 from cosim.discrepancy.dictionary.groups import Group
 from cosim.discrepancy.dictionary.linearisation import Linearisation, linearise
 from cosim.discrepancy.inference.dependence import SPREADS
-from cosim.discrepancy.selection.choice import STEPS, choose, needed_gain
+from cosim.discrepancy.selection.choice import STEPS, Rejected, choose, needed_gain
 from cosim.discrepancy.selection.evidence import SelectionEvidence, gather_evidence
 from cosim.discrepancy.selection.refit import FittedModel, fit_again, refit_without
 from cosim.discrepancy.selection.table import GroupTest
@@ -45,7 +45,7 @@ def select_terms(
     Returns:
         The model with its terms, and the evidence that is left.
     """
-    by, rejected = settings.selection, set[str]()
+    by, rejected, insignificant = settings.selection, set[str](), set[str]()
     # Candidates for ranges are fitted with an inflated σ first, which may find a better optimum of the random effects.
     again = fit_again(model, model.fitted.effects, model.free, model.fitted.dependences, STEPS, widened=True)
     model = replace(model, fitted=max(model.fitted, again, key=lambda fitted: fitted.loglik))
@@ -56,17 +56,19 @@ def select_terms(
         candidates = [
             result
             for result in evidence.candidates(settings)
-            if result.group.name not in rejected
+            if result.group.name not in rejected | insignificant
             and not is_explained(result.group, model)
             and result.gain >= needed_gain(result.group, model, settings)
         ]
         if not candidates:
             break
-        chosen = choose(model, evidence, candidates, rejected, settings)
-        if isinstance(chosen, frozenset):
-            on_progress(f"rejected {', '.join(sorted(chosen))}: fits gain no more than chance")
-            rejected |= _same_effects(chosen, candidates)
+        chosen = choose(model, evidence, candidates, rejected | insignificant, settings)
+        if isinstance(chosen, Rejected):
+            reason = "fits gain no more than chance" if chosen.is_chance else "not significant"
+            on_progress(f"rejected {', '.join(sorted(chosen.names))}: {reason}")
+            (rejected if chosen.is_chance else insignificant).update(_same_effects(chosen.names, candidates))
             continue
+        insignificant.clear()  # next to the new term they may be significant
         before, (model, result) = model, chosen
         term = model.terms[-1]
         on_progress(f"added {term.group.name}: gain {term.exact_gain:.1f}, p {term.p_value:.4f}")
@@ -78,7 +80,7 @@ def select_terms(
             if not term.group.is_shared:
                 model = replace_dependences(model, effects, initial, settings, seed, rejected, on_progress)
         evidence = gather_evidence(model, effects, settings, seed)
-    return model, replace(evidence, rejected=frozenset(rejected))
+    return model, replace(evidence, rejected=frozenset(rejected | insignificant))
 
 
 def replace_dependences(
@@ -119,8 +121,8 @@ def replace_dependences(
             and result.group.order == 0
             and not is_explained(result.group, less)
         ]
-        chosen = choose(less, evidence, candidates, rejected, settings) if candidates else frozenset[str]()
-        if not isinstance(chosen, frozenset) and chosen[1].group.hypothesis != group.hypothesis:
+        chosen = choose(less, evidence, candidates, rejected, settings) if candidates else None
+        if isinstance(chosen, tuple) and chosen[1].group.hypothesis != group.hypothesis:
             model = chosen[0]
             on_progress(f"replaced {group.name} by {chosen[1].group.name}")
     return model
