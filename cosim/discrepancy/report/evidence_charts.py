@@ -13,7 +13,7 @@ from cosim.report.plot import Axis, Plot
 
 _STANDARD_ERRORS = 2.0
 _MOST_LOG = 3.0
-_WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
+_WIDEST = 4.0  # times the median standard error
 MOST_NAMES = 8
 _BRIGHTEST_Z = 6.0
 _NEUTRAL, _LESS, _MORE = (34, 41, 54), (86, 170, 255), (255, 150, 60)
@@ -127,11 +127,16 @@ def _ticks(categories: Sequence[str]) -> list[str]:
     return [word if len(word) <= most else f"{word[: most - 1]}…" for word in words]
 
 
+def sets_scale(y: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """(b,) bool bins that set the scale of a chart: those without a very large error, and significant ones."""
+    return (sigma <= _WIDEST * float(np.median(sigma))) | (np.abs(y) > _STANDARD_ERRORS * sigma)
+
+
 def _limits(axis: ChannelAxis, curves: Sequence[EvidenceCurve]) -> tuple[float, float]:
-    """Limits of the vertical axis: all values with two standard errors, except bins with very large errors."""
+    """Limits of the vertical axis: all values with two standard errors, see `sets_scale`."""
     ends = [0.0]
     for curve in curves:
-        usual = curve.sigma <= _WIDEST * float(np.median(curve.sigma))
+        usual = sets_scale(curve.y, curve.sigma)
         half = _STANDARD_ERRORS * curve.sigma
         ends += [*axis.convert(curve.y - half)[usual], *axis.convert(curve.y + half)[usual]]
     low, high = min(ends), max(ends)

@@ -11,7 +11,7 @@ from cosim.discrepancy.diagnosis import Diagnosis
 from cosim.discrepancy.evidence_matrix import EvidenceGrid
 from cosim.discrepancy.quantities import channel_words, covariate_words, dependence_words, shown, unit_words
 from cosim.discrepancy.report.beams import LAYOUT
-from cosim.discrepancy.report.evidence_charts import AXES, grid_chart
+from cosim.discrepancy.report.evidence_charts import AXES, grid_chart, sets_scale
 from cosim.discrepancy.report.findings_section import change_words
 from cosim.discrepancy.unexplained import Unexplained
 from cosim.discrepancy.unknown.effect import Factor, UnknownEffect
@@ -20,8 +20,6 @@ from cosim.report import button, figure, section, table
 from cosim.report.html import fill
 from cosim.report.phrases import p_cell, p_words, round_with_error
 from cosim.report.plot import Axis, Plot
-
-_WIDEST = 4.0  # times the median standard error: bins beyond do not set the scale of a chart
 
 
 def unexplained_section(diagnosis: Diagnosis) -> str:
@@ -141,7 +139,7 @@ def _factor_chart(unknown: UnknownEffect, factor: Factor) -> str:
         ends = covariate.factor * np.array([x.min(), x.max() if np.ptp(x) > 0 else x.min() + 1])
         axis = Axis(float(ends[0]), float(ends[1]), label)
     bottom, middle, above = convert(y - 2 * sigma), convert(y), convert(y + 2 * sigma)
-    usual = sigma <= _WIDEST * np.median(sigma)
+    usual = sets_scale(y, sigma)
     low, high = min(float(bottom[usual].min()), 0.0), max(float(above[usual].max()), 0.0)
     pad = 0.1 * (high - low) or 1e-9
     upright = Axis(low - pad, high + pad, channel.label if is_first else f"factor by {covariate.words.split(',')[0]}")
