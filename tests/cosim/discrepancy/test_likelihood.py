@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, sparse, stats
 
 from cosim.discrepancy.analysis import FittedFrames
+from cosim.discrepancy.inference.dependence import Dependence, updated_spurious_shares
 from cosim.discrepancy.inference.likelihood import NU, SCALE, censored, range_spread_m, residuals_of, student
 from cosim.discrepancy.inference.score import Evidence
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -76,6 +77,23 @@ def test_a_certain_halo_at_an_edge_explains_no_losses(view: FittedFrames) -> Non
     assert alone.sum() > 1000
     np.testing.assert_allclose((near.met * np.exp(near.outcome) / density)[alone], 0.5, rtol=0.01)
     assert ((lost.met * np.exp(lost.outcome))[alone] <= 0.5).all()
+
+
+def test_shares_of_spurious_returns_are_fitted_with_the_slope_of_the_likelihood(view: FittedFrames) -> None:
+    """Also near edges, where a beam may meet neither side; no share grows beyond the largest one."""
+    expected, step = _inside_bounds(view), 1e-7
+    sample = view.fitter.sample
+    assert (sample.edge & sample.returned & sample.compared).sum() > 50
+    alone = sample.compared & sample.first & sample.returned & (sample.chance == 1)
+    now = residuals_of(sample, expected)
+    more = residuals_of(sample, replace(expected, spurious=expected.spurious + step))
+    slope = now.either / np.exp(now.outcome)
+    assert (alone & (now.either < 1)).any() and (alone & (now.either == 1)).any()
+    numeric = np.expm1(more.outcome - now.outcome) / step
+    np.testing.assert_allclose(numeric[alone], slope[alone], rtol=0.05)
+    everywhere = Dependence("early", "early", sparse.csr_matrix(np.ones((len(slope), 1))), np.array([0.5]))
+    (after,) = updated_spurious_shares(sample, expected, np.full(len(slope), 1e6), [everywhere])
+    assert after.coefficients[0] == 0.95
 
 
 def _moved(expected: Prediction, channel: str, by: float) -> Prediction:
