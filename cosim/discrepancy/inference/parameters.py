@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,12 +81,10 @@ def has_moved(reference: tuple[Effect, ...], effects: tuple[Effect, ...], free: 
 
 def apply_step(effects: tuple[Effect, ...], free: Sequence[Free], step: np.ndarray) -> tuple[Effect, ...]:
     """Add a step (p,) to the free parameters; angles on the full circle stay within ±180°."""
-    changed, start = list(effects), 0
-    for parameter in free:
+    changed = list(effects)
+    for parameter, rows in _rows(free):
         value = np.asarray(getattr(changed[parameter.effect], parameter.unknown.name), float)
-        part = step[start : start + parameter.unknown.rings]
-        start += parameter.unknown.rings
-        moved = value + (part if value.ndim else part[0])
+        moved = value + (step[rows] if value.ndim else step[rows][0])
         if parameter.unknown.is_direction:
             moved = (moved + 180) % 360 - 180
         changed[parameter.effect] = with_values(changed[parameter.effect], {parameter.unknown.name: moved})
@@ -101,14 +99,12 @@ def step_limits(
     Parameters that change nothing but spreads (`is_spread`, see `acts_on_spreads`) have no limits: the derivative of a
     variance with respect to σ is 0 at σ = 0, so that a fit could not leave this bound again.
     """
-    low, high, start = np.full(size, -np.inf), np.full(size, np.inf), 0
-    for parameter in free:
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    for parameter, rows in _rows(free):
         unknown = parameter.unknown
-        part = slice(start, start + unknown.rings)
-        start += unknown.rings
-        if not unknown.is_direction and not is_spread[part].any():
+        if not unknown.is_direction and not is_spread[rows].any():
             value = np.asarray(getattr(effects[parameter.effect], unknown.name), float)
-            low[part], high[part] = unknown.low - value, unknown.high - value
+            low[rows], high[rows] = unknown.low - value, unknown.high - value
     return low, high
 
 
@@ -127,11 +123,17 @@ def without_common_gain(
     effects: Sequence[Effect], free: Sequence[Free], step: np.ndarray, of_own_map: bool
 ) -> np.ndarray:
     """A step (p,) without the common factor of per-laser gains, which is confounded with a map's reflectances."""
-    step, at = step.copy(), 0
-    for parameter in free:
-        part = step[at : at + parameter.unknown.rings]
+    step = step.copy()
+    for parameter, rows in _rows(free):
         if is_relative(effects, parameter, of_own_map):
             gains = np.asarray(getattr(effects[parameter.effect], parameter.unknown.name), float)
-            part -= gains * part.sum() / gains.sum()
-        at += parameter.unknown.rings
+            step[rows] -= gains * step[rows].sum() / gains.sum()
     return step
+
+
+def _rows(free: Sequence[Free]) -> Iterator[tuple[Free, slice]]:
+    """Each parameter with its rows of a vector of all of them."""
+    start = 0
+    for parameter in free:
+        yield parameter, slice(start, start + parameter.unknown.rings)
+        start += parameter.unknown.rings
