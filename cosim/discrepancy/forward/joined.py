@@ -52,7 +52,7 @@ class SampleReplay:
         parts = [part.expect(effects) for part in self.frames]
         arrays = {
             name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("along_m", "above_m", "spurious_per_m", "split")
+            for name in ("along_m", "above_m", "spurious_per_m")
         }
         return Expected(
             _joined([part.of for part in parts]),

@@ -110,8 +110,7 @@ class Expected:
     Attributes:
         of: means, standard deviations and probabilities.
         along_m, above_m: (n,) offset of the reported optical centre along and perpendicular to (above) each beam [m].
-        spurious_per_m, split: (n,) density [1/m] of spurious returns at the measured range, and the part of it from
-            other parts of the beam's own footprint; 0 without a return.
+        spurious_per_m: (n,) density [1/m] of spurious returns at the measured range; 0 without a return.
         log_odds_by_reflectance: computes the derivative (n,) of the log-odds of `of.seen` with respect to the relative
             reflectance of the surface.
     """
@@ -120,7 +119,6 @@ class Expected:
     along_m: np.ndarray
     above_m: np.ndarray
     spurious_per_m: np.ndarray
-    split: np.ndarray
     log_odds_by_reflectance: Callable[[], np.ndarray]
 
 
@@ -184,7 +182,7 @@ class Replayed:
         lasers = self._calibrated_directions(effects)
         direction = shot.rays.direction
         upward, along, above = shot.kept("optical centres", lambda: _centres(shot.rays))
-        spurious_per_m, split = np.zeros(len(self.along_m)), np.zeros(len(self.along_m))
+        spurious_per_m = np.zeros(len(self.along_m))
         if lasers is not None:
             # Points lie along the lasers of the unit's calibration, not along the pattern's beams; their offset from
             # these follows from the measured range for any surface.
@@ -195,10 +193,8 @@ class Replayed:
         rows = np.flatnonzero(~np.isnan(self.along_m))
         for effect in effects:
             if type(effect).density is not Effect.density:
-                density = spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
-                spurious_per_m[rows] += density
-                split[rows] += 0.0 if isinstance(effect, ScanEffect) else density
-        return Expected(expectation, along, above, spurious_per_m, split, log_odds_by_reflectance)
+                spurious_per_m[rows] += spurious_density(effect, rows, self.along_m[rows] - along[rows], shot)
+        return Expected(expectation, along, above, spurious_per_m, log_odds_by_reflectance)
 
     def _log_odds(self, effects: tuple[Effect, ...], shot: Shot, seen: np.ndarray, memo: ExpectationMemo) -> np.ndarray:
         """As `Expected.log_odds_by_reflectance`; the same for all deflections of the beams: they change it little."""

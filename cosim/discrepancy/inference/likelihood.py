@@ -159,17 +159,9 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     # `seen` is not capped at 1 here: a beam with a return may be certain to have one.
     certain = np.where(sample.compared & np.isfinite(mean), np.maximum(expected.seen, constants.lost_share), 0.0)
     surface = certain * np.exp(student(z)) / sigma
-    # Near edges returns from fog etc. are confounded with unknown surfaces: condition on the absence of such returns.
-    # Where the model makes them certain, returns and losses of the surface are equally likely.
     silent = np.maximum(expected.silent, constants.lost_share)
-    untouched = np.where(
-        sample.edge, np.maximum(expected.seen, constants.lost_share) + silent + expected.elsewhere, 1.0
-    )
-    elsewhere = constants.least_spurious_share / constants.reach_m + np.where(
-        sample.edge, expected.split, expected.spurious_per_m
-    )
-    density = surface + elsewhere
-    outcome = kept * np.where(returned, density, silent) / untouched
+    density = surface + constants.least_spurious_share / constants.reach_m + expected.spurious_per_m
+    outcome = kept * np.where(returned, density, silent)
     outcome = outcome + np.where(returned, expected.spurious, 0.0)
     likelihood, either, met = _mixed(sample, outcome)
     loglik_of_outcome = np.where(sample.compared & sample.first, np.log(likelihood), 0.0)
@@ -180,7 +172,7 @@ def residuals_of(sample: Sample, expected: Prediction, blur: float = 0.0) -> Res
     compared_share = np.where(returned, 1.0, 1 - sample.unmapped)
     loglik_of_outcome *= compared_share
     loglik = loglik_of_outcome.copy()
-    matched = np.where(returned, met * kept * surface / untouched / np.maximum(outcome, 1e-300), 0.0)
+    matched = np.where(returned, met * kept * surface / np.maximum(outcome, 1e-300), 0.0)
 
     rise = np.nan_to_num(sample.above_m - expected.rise_m)
     rise_z = np.where(sample.returned, rise / np.hypot(constants.rise_sigma_m, blur), 0.0)

@@ -27,9 +27,7 @@ class Prediction:
         intensity, intensity_sigma: mean and σ of the intensity (0 to 1).
         seen: probability that the return of the surface is reported.
         silent: probability that no return is reported.
-        elsewhere: probability that another part of the footprint, or a mirrored surface, is reported instead.
         spurious_per_m: probability density [1/m] of spurious returns at the measured range; 0 without a return.
-        split: part of `spurious_per_m` that comes from other parts of the beam's own footprint.
         twin_sigma_m, twin_sigma_intensity: σ of the twin itself, in addition to that of the sensor.
         twin_unshared_m: the part of `twin_sigma_m` that neighbouring beams do not have in common.
         spurious_share: share of beams with spurious returns according to fitted dependences.
@@ -45,9 +43,7 @@ class Prediction:
     intensity_sigma: np.ndarray
     seen: np.ndarray
     silent: np.ndarray
-    elsewhere: np.ndarray
     spurious_per_m: np.ndarray
-    split: np.ndarray
     twin_sigma_m: np.ndarray
     twin_sigma_intensity: np.ndarray
     twin_unshared_m: np.ndarray
@@ -316,9 +312,7 @@ class Sample:
             intensity_sigma=expected.of.intensity_sigma,
             seen=expected.of.seen,
             silent=expected.of.silent,
-            elsewhere=expected.of.elsewhere,
             spurious_per_m=expected.spurious_per_m,
-            split=expected.split,
             twin_sigma_m=self.twin_sigma_m,
             twin_sigma_intensity=self.twin_sigma_intensity,
             twin_unshared_m=self.twin_sigma_m,

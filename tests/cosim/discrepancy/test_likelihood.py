@@ -64,19 +64,22 @@ def test_a_beam_returns_from_somewhere_or_not_at_all(view: FittedFrames) -> None
     np.testing.assert_allclose(whole[met], 1, atol=1e-4)
 
 
-def test_a_certain_halo_at_an_edge_explains_no_losses(view: FittedFrames) -> None:
-    """Where a model predicts neither a return of the surface nor silence, both outcomes are equally likely."""
-    expected = _inside_bounds(view)
+def test_an_effect_and_a_dependence_with_the_same_spurious_returns_are_equally_likely(view: FittedFrames) -> None:
+    """Also near edges: nothing depends on whether fog is an effect or a share by bins."""
+    expected, sample, share = _inside_bounds(view), view.fitter.sample, 0.2
     rows = len(expected.seen)
-    halo = replace(expected, seen=np.zeros(rows), silent=np.zeros(rows), split=np.zeros(rows))
-    sample = replace(view.fitter.sample, edge=np.ones(rows, bool), intensity=np.zeros(rows), above_m=expected.rise_m)
-    lost = residuals_of(replace(sample, along_m=np.full(rows, np.nan)), halo)
-    near = residuals_of(replace(sample, along_m=expected.range_m), halo)
-    alone = sample.compared & sample.first & np.isfinite(expected.range_m) & (sample.chance == 1)
-    density = np.exp(student(np.zeros(1)))[0] / range_spread_m(expected, sample.settings.likelihood)
-    assert alone.sum() > 1000
-    np.testing.assert_allclose((near.met * np.exp(near.outcome) / density)[alone], 0.5, rtol=0.01)
-    assert ((lost.met * np.exp(lost.outcome))[alone] <= 0.5).all()
+    density = np.where(sample.returned, 0.05, 0.0)
+    expected = replace(expected, spurious_per_m=np.zeros(rows))
+    binned = replace(expected, spurious_share=np.full(rows, share), spurious=share * density)
+    kept = 1 - share
+    as_effect = replace(
+        expected, seen=kept * expected.seen, silent=kept * expected.silent, spurious_per_m=share * density
+    )
+    of_bins, of_effect = residuals_of(sample, binned), residuals_of(sample, as_effect)
+    used = sample.compared & sample.first & np.isfinite(expected.range_m) & (sample.chance == 1)
+    assert (used & sample.edge).sum() > 50
+    assert (used & ~sample.edge).sum() > 1000
+    np.testing.assert_allclose(of_bins.outcome[used], of_effect.outcome[used], atol=0.01)
 
 
 def test_shares_of_spurious_returns_are_fitted_with_the_slope_of_the_likelihood(view: FittedFrames) -> None:
@@ -119,7 +122,7 @@ def test_scores_are_slopes_of_the_likelihood(view: FittedFrames, channel: str) -
 def test_returns_of_other_surfaces_say_nothing_about_losses(view: FittedFrames) -> None:
     """The score of the probability of a return is 0 on average, also where other parts of the footprint may return."""
     inside, share = _inside_bounds(view), 0.1
-    expected = replace(inside, seen=inside.seen * (1 - share), elsewhere=np.full(len(inside.seen), share))
+    expected = replace(inside, seen=inside.seen * (1 - share))
     sample = view.fitter.sample
     returned = replace(sample, along_m=expected.range_m)
     lost = replace(sample, along_m=np.full(len(sample), np.nan))
@@ -128,7 +131,7 @@ def test_returns_of_other_surfaces_say_nothing_about_losses(view: FittedFrames) 
         Evidence.of(one, residuals_of(one, expected)).score["drop"] for one in (returned, lost, other)
     )
     alone = sample.compared & ~sample.edge & np.isfinite(expected.range_m)
-    mean = expected.seen * returned + expected.silent * lost + expected.elsewhere * other
+    mean = expected.seen * returned + expected.silent * lost + share * other
     assert alone.sum() > 1000
     assert np.abs(lost[alone]).min() > 1
     np.testing.assert_allclose(mean[alone], 0, atol=2e-3)

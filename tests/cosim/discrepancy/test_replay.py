@@ -26,7 +26,7 @@ def one_by_one(replay: SampleReplay, effects: tuple[Effect, ...]) -> Expected:
     }
     rest = (
         np.concatenate([getattr(part, name) for part in parts])
-        for name in ("along_m", "above_m", "spurious_per_m", "split")
+        for name in ("along_m", "above_m", "spurious_per_m")
     )
     of_reflectance = np.concatenate([part.log_odds_by_reflectance() for part in parts])
     return Expected(type(parts[0].of)(**columns), *rest, lambda: of_reflectance)
@@ -45,7 +45,7 @@ def test_frames_at_once_and_one_by_one_agree(replay: SampleReplay, name: str) ->
     found, expected = replay.expect(effects), one_by_one(replay, effects)
     for part in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent", "elsewhere"):
         np.testing.assert_allclose(getattr(found.of, part), getattr(expected.of, part), atol=1e-5, err_msg=part)
-    for part in ("along_m", "above_m", "spurious_per_m", "split"):
+    for part in ("along_m", "above_m", "spurious_per_m"):
         np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-6, err_msg=part)
     slopes = found.log_odds_by_reflectance(), expected.log_odds_by_reflectance()
     np.testing.assert_allclose(*slopes, rtol=1e-3, atol=1e-3)
