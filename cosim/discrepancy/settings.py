@@ -138,7 +138,7 @@ class Descent:
     gain: float = 0.05  # minimum gain in log-likelihood per step
     rough_gain: float = 1e-4  # and relative to that of all steps before, to rank candidates
     steps: int = 80  # maximum number of steps
-    steps_inflated: int = 8  # the same with an inflated σ, which only gives a start for the next smaller one
+    few_steps: int = 8  # with an inflated σ, and until the most likely start is chosen
     ridge: float = 1e-6  # precision of the prior of dependences' coefficients, as a share of their information
     brightnesses: Pair = (0.95, 1.05)  # trial factors on the albedo of a map surface in each step
     min_identified_share: float = (

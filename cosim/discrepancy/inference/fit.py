@@ -125,6 +125,7 @@ class Fitter:
         dependences: Sequence[Dependence] = (),
         widened: bool = True,
         simplified: bool = False,
+        other_starts: Sequence[tuple[Sequence[Effect], Estimate]] = (),
     ) -> Fitted:
         """Fit the free parameters by maximum likelihood, starting from the current values.
 
@@ -139,20 +140,20 @@ class Fitter:
             widened: whether large range residuals are first fitted with an inflated σ (graduated optimisation); not
                 needed if the fit starts from a fit to the same ranges.
             simplified: whether derivatives of a model without the last effects may be used for the steps.
+            other_starts: further values of the effects and random effects; the fit goes on from the most likely of all
+                after a few steps.
         """
         free, dependences = tuple(free), tuple(dependences)
-        state = self._start(tuple(effects), self.random.start() if start is None else start, dependences)
-        is_by_search = [effect.by_search or isinstance(effect, ScanEffect) for effect in state.effects]
+        estimate = self.random.start() if start is None else start
+        starts = [self._start(tuple(one), of, dependences) for one, of in ((effects, estimate), *other_starts)]
+        is_by_search = [effect.by_search or isinstance(effect, ScanEffect) for effect in starts[0].effects]
         gradual = tuple(parameter for parameter in free if not is_by_search[parameter.effect])
         steps = self.settings.descent.steps if steps is None else steps
-        if widened:
-            state = self._optimise(state, gradual, steps, simplified, roughly)
-        else:
-            state = self._descend(state, gradual, 0.0, steps, simplified, roughly)
+        state = self._optimise(starts, gradual, steps, simplified, roughly, widened)
         searched_effects = self._search(state, free, roughly)
         if searched_effects != state.effects:
             state = self._state(searched_effects, state.estimate, dependences=state.dependences)
-            state = self._descend(state, (), 0.0, 3)
+            state, _ = self._descend(state, (), 0.0, 3)
         return self._finish(state, free)
 
     def _start(
@@ -289,10 +290,9 @@ class Fitter:
     def _finish(self, state: _State, free: tuple[Free, ...]) -> Fitted:
         columns = self._columns(state, free)
         evidence = Evidence.of(self.sample, state.residuals)
-        loglik = self._marginal_loglik(state, evidence)
         return Fitted(
-            state.effects, free, state.estimate, loglik, state.prediction, state.residuals, evidence, columns,
-            state.dependences, state.bare,
+            state.effects, free, state.estimate, self._marginal_loglik(state), state.prediction, state.residuals,
+            evidence, columns, state.dependences, state.bare,
         )  # fmt: skip
 
     def _search(self, state: _State, free: tuple[Free, ...], roughly: bool) -> tuple[Effect, ...]:
@@ -317,22 +317,38 @@ class Fitter:
             roughly=roughly,
         )
 
-    def _optimise(self, start: _State, free: tuple[Free, ...], steps: int, simplified: bool, roughly: bool) -> _State:
-        """Run Gauss–Newton; if large residuals remain, also with inflated, then reduced σ; keep the better."""
-        state = self._descend(start, free, 0.0, steps, simplified, roughly)
-        blur_m = self.roughness(self.random.adjusted(state.prediction, state.estimate))
-        if not blur_m:
-            return state
-        blurred, few = start, min(steps, self.settings.descent.steps_inflated)
-        while blur_m > 0:
-            blurred = self._descend(blurred, free, blur_m, few, simplified, roughly)
-            blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
-        blurred = self._descend(blurred, free, 0.0, steps, simplified, roughly)
-        return max(
-            state,
-            blurred,
-            key=lambda candidate: self._marginal_loglik(candidate, Evidence.of(self.sample, candidate.residuals)),
-        )
+    def _optimise(
+        self,
+        starts: Sequence[_State],
+        free: tuple[Free, ...],
+        steps: int,
+        simplified: bool,
+        roughly: bool,
+        widened: bool,
+    ) -> _State:
+        """Run Gauss–Newton from the start that is most likely after a few steps.
+
+        Where large residuals remain after these, further few steps are taken with inflated, then reduced σ.
+        """
+        before = max(self._penalised_loglik(start) for start in starts) if roughly else None
+        few = min(steps, self.settings.descent.few_steps)
+        reached: list[tuple[_State, bool]] = []
+        for start in starts:
+            reached.append(self._descend(start, free, 0.0, few, simplified, before))
+            state, _ = reached[-1]
+            blur_m = self.roughness(self.random.adjusted(state.prediction, state.estimate)) if widened else 0.0
+            state, is_rough = start, blur_m > 0
+            while blur_m > 0:
+                state, _ = self._descend(state, free, blur_m, few, simplified, before)
+                blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
+            if is_rough:
+                reached.append(self._descend(state, free, 0.0, few, simplified, before))
+        best, is_converged = reached[0]
+        if len(reached) > 1:
+            best, is_converged = max(reached, key=lambda one: self._marginal_loglik(one[0]))
+        if is_converged or few == steps:
+            return best
+        return self._descend(best, free, 0.0, steps - few, simplified, before)[0]
 
     def _descend(
         self,
@@ -341,9 +357,23 @@ class Fitter:
         blur: float,
         steps: int,
         simplified: bool = False,
-        roughly: bool = False,
-    ) -> _State:
-        """Run Gauss–Newton steps at one blur [m]; variances of the random effects are updated after each step."""
+        before: float | None = None,
+    ) -> tuple[_State, bool]:
+        """Run Gauss–Newton steps at one blur [m]; variances of the random effects are updated after each step.
+
+        Args:
+            state: at the start.
+            free: parameters to fit.
+            blur: as in `residuals_of`.
+            steps: maximum number of steps.
+            simplified: as in `fit`.
+            before: penalised log-likelihood before the fit, if candidates are only ranked: then steps end where they
+                gain little of what was gained since.
+
+        Returns:
+            The last state, and whether the steps have converged.
+        """
+        roughly = before is not None
         state, reference = replace(state, residuals=self.residuals(state.prediction, state.estimate, blur)), None
         slopes: tuple[Column, ...] = ()
         lists = list_numbers(state.effects, free) * self.sample.of_own_map
@@ -404,14 +434,15 @@ class Fitter:
             if not np.array_equal(after.u, state.estimate.u):  # those of negligible variance are 0 now
                 state = replace(state, residuals=self.residuals(state.prediction, after, blur))
             state = self._with_surface_spread(replace(state, estimate=after), blur)
-            started = value if number == 0 else started
+            if number == 0:
+                started = value if before is None or blur else before
             relative = self.settings.descent.rough_gain * (value - started) if roughly else 0.0
             is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value), relative)
             if is_small and number >= 2 and (is_stationary or failures >= _MOST_FAILURES):
                 if begin == 0:
-                    break
+                    return state, True
                 tried_first = 0  # a damped step gains little; a full one may gain more
-        return state
+        return state, False
 
     def _with_surface_spread(self, state: _State, blur: float) -> _State:
         """Update the factors on the σ of the twin's surfaces."""
@@ -466,7 +497,8 @@ class Fitter:
         )
         return float(self.sample.share @ state.residuals.loglik) - 0.5 * float(penalty)
 
-    def _marginal_loglik(self, state: _State, evidence: Evidence) -> float:
+    def _marginal_loglik(self, state: _State) -> float:
+        evidence = Evidence.of(self.sample, state.residuals)
         model = LinearModel.of(self.random, (), evidence, state.prediction, state.estimate)
         volume = 0.5 * model.shrinkage() + self.random.log_brightness(state.estimate)
         return self._penalised_loglik(state) - volume

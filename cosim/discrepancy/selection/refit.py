@@ -107,16 +107,13 @@ def refit_with(
     """
     fitter, fitted = model.fitter, model.fitted
     if group.is_effect:
-        starts, index = _starts(model, group, start, absorbed)
+        ((effects, estimate), *others), index = _starts(model, group, start, absorbed)
         free = model.free if index in model.free else (*model.free, index)
-        fits = [
-            fitter.fit(
-                effects, all_free(effects, free, fitter.rings), estimate, steps=steps, roughly=True,
-                dependences=fitted.dependences, widened=group.family == "range", simplified=not fine,
-            )
-            for effects, estimate in starts
-        ]  # fmt: skip
-        return replace(model, fitted=max(fits, key=lambda fit: fit.loglik), free=free), group
+        after = fitter.fit(
+            effects, all_free(effects, free, fitter.rings), estimate, steps=steps, roughly=True,
+            dependences=fitted.dependences, widened=group.family == "range", simplified=not fine, other_starts=others,
+        )  # fmt: skip
+        return replace(model, fitted=after, free=free), group
     if fine:
         group = finest(linearisation, group)
         start = np.zeros(group.size)
