@@ -37,7 +37,7 @@ from cosim.discrepancy.inference.parameters import (
     without_common_gain,
 )
 from cosim.discrepancy.inference.random_effects import Estimate, RandomEffects
-from cosim.discrepancy.inference.score import Column, Evidence, Quantity, dispersion
+from cosim.discrepancy.inference.score import Column, Evidence, Quantity
 from cosim.discrepancy.inference.search import is_searched, search_parameters
 from cosim.discrepancy.inference.surface_spread import updated_surface_spread
 from cosim.discrepancy.sampling.sample import Prediction, Sample
@@ -209,12 +209,6 @@ class Fitter:
             replace(column, delta={name: values * factors.get(name, 1.0) for name, values in column.delta.items()})
             for column in slopes
         )
-
-    def system(self, fitted: Fitted) -> LinearModel:
-        """Linearise the mixed model at a fit; the stated σ are scaled by the measured dispersion."""
-        wider = dispersion(self.sample, fitted.residuals)
-        evidence = fitted.evidence if wider == (1.0, 1.0) else Evidence.of(self.sample, fitted.residuals, wider=wider)
-        return LinearModel.of(self.random, fitted.columns, evidence, fitted.prediction, fitted.estimate)
 
     def roughness(self, prediction: Prediction) -> float:
         """Scale of the large range or rise residuals [m]; 0 if all are within a few standard deviations."""

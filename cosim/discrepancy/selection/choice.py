@@ -135,8 +135,12 @@ def choose(
     if group.frequency_hz:
         after, group = _best_alias(model, evidence, after, group)
     p_value = _p_value(model, evidence, after, group, result, settings)
-    if p_value > settings.selection.level:
-        return Rejected(frozenset({result.group.name}), False)
+    level = settings.selection.level
+    if p_value > level:
+        # Trials of the family gain hardly more, in the same clusters; those whose own test decides are kept.
+        others = [one.result for one in trials if one.result.group.family == group.family]
+        names = {one.group.name for one in others if one.p_value > level and not one.entry.is_of_random}
+        return Rejected(frozenset({result.group.name, *names}), False)
     after, group = _by_laser(model, evidence, after, group)
     gain = after.loglik - model.loglik
     alternatives = tuple(name for name in _rivals(trial, trials) if name != group.hypothesis)

@@ -25,8 +25,7 @@ def one_by_one(replay: SampleReplay, effects: tuple[Effect, ...]) -> Expected:
         for name in ("range_m", "range_sigma_m", "intensity", "intensity_sigma", "seen", "silent", "elsewhere")
     }
     rest = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("along_m", "above_m", "spurious_per_m")
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("along_m", "above_m", "spurious_per_m")
     )
     of_reflectance = np.concatenate([part.log_odds_by_reflectance() for part in parts])
     return Expected(type(parts[0].of)(**columns), *rest, lambda: of_reflectance)

@@ -13,6 +13,7 @@ from cosim.discrepancy.budget import AS_GIVEN, Aligned
 from cosim.discrepancy.data.checks import opened
 from cosim.discrepancy.diagnose import fit_nuisances
 from cosim.discrepancy.inference.fit import Fitter
+from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.sampling.sample import Sample
 from cosim.discrepancy.settings import DEFAULT
 from cosim.drives.kitti import Drive
@@ -89,11 +90,11 @@ def test_the_score_of_a_reflectance_is_the_derivative_of_the_likelihood(sample: 
     fitted = fitter.at(NOISE, random.start())
     direction = np.where((np.arange(random.size) >= rows.start) & (np.arange(random.size) < rows.stop), 1e-4, 0.0)
     direction *= rng.uniform(0.5, 1.5, random.size)
-    system = fitter.system(fitted)
+    used = LinearModel.of(random, (), fitted.evidence, fitted.prediction, fitted.estimate).used
     loglik = [
         noisy.share @ fitter.residuals(fitted.prediction, replace(fitted.estimate, u=sign * direction)).loglik
         for sign in (-1, 1)
     ]
     evidence, design = fitted.evidence, random.designs(fitted.prediction, fitted.estimate)["intensity"]
     score = design.T @ evidence.score["intensity"]
-    assert (loglik[1] - loglik[0]) / 2 == pytest.approx(score @ direction[system.used], rel=0.01)
+    assert (loglik[1] - loglik[0]) / 2 == pytest.approx(score @ direction[used], rel=0.01)
