@@ -210,7 +210,7 @@ class Fitter:
             for column in slopes
         )
 
-    def roughness(self, prediction: Prediction) -> float:
+    def _roughness(self, prediction: Prediction) -> float:
         """Scale of the large range or rise residuals [m]; 0 if all are within a few standard deviations."""
         compared = np.where(self.sample.compared, self.sample.along_m - prediction.range_m, np.nan)
         stated = float(np.median(range_spread_m(prediction, self.settings.likelihood)))
@@ -322,27 +322,34 @@ class Fitter:
     ) -> _State:
         """Run Gauss–Newton from the start that is most likely after a few steps.
 
-        Where large residuals remain after these, further few steps are taken with inflated, then reduced σ.
+        Where large residuals remain after these, a start is fitted again, a few steps with each of several inflated σ.
         """
         before = max(self._penalised_loglik(start) for start in starts) if roughly else None
         few = min(steps, self.settings.descent.few_steps)
         reached: list[tuple[_State, bool]] = []
         for start in starts:
-            reached.append(self._descend(start, free, 0.0, few, simplified, before))
-            state, _ = reached[-1]
-            blur_m = self.roughness(self.random.adjusted(state.prediction, state.estimate)) if widened else 0.0
-            state, is_rough = start, blur_m > 0
-            while blur_m > 0:
-                state, _ = self._descend(state, free, blur_m, few, simplified, before)
-                blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
-            if is_rough:
-                reached.append(self._descend(state, free, 0.0, few, simplified, before))
+            state, is_converged = self._descend(start, free, 0.0, few, simplified, before)
+            reached.append((state, is_converged))
+            inflations_m = self._inflations_m(state) if widened else ()
+            if inflations_m:
+                state = start
+                for blur_m in (*inflations_m, 0.0):
+                    state, is_converged = self._descend(state, free, blur_m, few, simplified, before)
+                reached.append((state, is_converged))
         best, is_converged = reached[0]
         if len(reached) > 1:
             best, is_converged = max(reached, key=lambda one: self._marginal_loglik(one[0]))
         if is_converged or few == steps:
             return best
         return self._descend(best, free, 0.0, steps - few, simplified, before)[0]
+
+    def _inflations_m(self, state: _State) -> tuple[float, ...]:
+        """Decreasing additions to σ [m] with which a fit converges from large residuals; none if there are none."""
+        inflations_m, blur_m = list[float](), self._roughness(self.random.adjusted(state.prediction, state.estimate))
+        while blur_m > 0:
+            inflations_m.append(blur_m)
+            blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
+        return tuple(inflations_m)
 
     def _descend(
         self,
@@ -372,7 +379,7 @@ class Fitter:
         slopes: tuple[Column, ...] = ()
         lists = list_numbers(state.effects, free) * self.sample.of_own_map
         precision = np.zeros(len(lists))
-        tried_first, failures, started = 0, 0, 0.0
+        tried_first, failures, since = 0, 0, None if blur else before
 
         def objective(candidate: _State) -> float:
             return self._penalised_loglik(candidate) - 0.5 * float(precision @ deviations(candidate.effects, free) ** 2)
@@ -428,9 +435,8 @@ class Fitter:
             if not np.array_equal(after.u, state.estimate.u):  # those of negligible variance are 0 now
                 state = replace(state, residuals=self.residuals(state.prediction, after, blur))
             state = self._with_surface_spread(replace(state, estimate=after), blur)
-            if number == 0:
-                started = value if before is None or blur else before
-            relative = self.settings.descent.rough_gain * (value - started) if roughly else 0.0
+            since = value if since is None else since
+            relative = self.settings.descent.rough_gain * (value - since) if roughly else 0.0
             is_small = gain < max(self.settings.descent.gain, 1e-7 * abs(value), relative)
             if is_small and number >= 2 and (is_stationary or failures >= _MOST_FAILURES):
                 if begin == 0:

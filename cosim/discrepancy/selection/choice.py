@@ -137,7 +137,8 @@ def choose(
     p_value = _p_value(model, evidence, after, group, result, settings)
     level = settings.selection.level
     if p_value > level:
-        # Trials of the family gain as much in the same clusters; those whose own test decides are kept.
+        # Other trials of the family gain as much in the same clusters. Kept are those with significant scores and those
+        # that are tested on random effects.
         others = [one.result for one in trials if one.result.group.family == group.family]
         names = {one.group.name for one in others if one.p_value > level and not one.entry.is_of_random}
         return Rejected(frozenset({result.group.name, *names}), False)
