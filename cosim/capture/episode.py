@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import logging
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from assets.ranges import draw
 from cosim.capture.collection import COMPANY_M, FrameSelector, StationaryFrameSelector
 from cosim.capture.config import RunConfig
+from cosim.capture.episode_start import EpisodeStarts
 from cosim.capture.mast import Mast, choose_mast
 from cosim.capture.plan import EpisodePlan
 from cosim.traffic.actors import Actors
@@ -21,12 +19,9 @@ from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.ego import ArrivedError, anybody_comes, anybody_drives, draw_ego
 from cosim.traffic.signals import SignalStates
 from cosim.traffic.simulation import Traffic
-from cosim.traffic.starting import warmed_up
-from sumo_nets import RECIPES, Town, write_demand
-from sumo_nets.dispatch import with_dispatcher
+from sumo_nets import Town
 
 _SIGHT_M = 120.0  # range of a LiDAR
-_LEAD_IN_S = 8.0  # until vehicle bodies and driver behaviour are initialised
 _LONGEST_WAIT_S = 900.0  # for the first vehicle of a scenario
 
 _log = logging.getLogger(__name__)
@@ -54,12 +49,23 @@ def run_episode(
     done: Collection[str],
     on_frame: Callable[[str], None],
     on_step: Callable[[], None] = lambda: None,
+    starts: EpisodeStarts | None = None,
 ) -> None:
     """Simulate an episode and record its missing frames.
 
     The simulation depends only on the run's seed and the episode's number. An episode that is resumed after an
     interruption therefore passes through the same states. A simulation that jams ends early, and another one with a
     different seed provides the remaining frames.
+
+    Args:
+        plan: plan of the episode.
+        config: configuration of the run.
+        town: town of the episode.
+        recorder: records the frames.
+        done: names of frames that exist already.
+        on_frame: called with the name of each recorded frame.
+        on_step: called after every simulation step.
+        starts: starts of episodes that are prepared ahead.
 
     Raises:
         TrafficError: SUMO refuses the scenario.
@@ -68,7 +74,7 @@ def run_episode(
     remaining = list(plan.frames)
     for attempt in range(config.collection.attempts):
         remaining = _simulate_with_shorter_warm_up(
-            plan, attempt, remaining, config, town, recorder, done, on_frame, on_step
+            plan, attempt, remaining, config, starts or EpisodeStarts(config), town, recorder, done, on_frame, on_step
         )
         if not remaining:
             return
@@ -94,6 +100,7 @@ def _simulate(
     attempt: int,
     frames: list[str],
     config: RunConfig,
+    starts: EpisodeStarts,
     town: Town,
     recorder: FrameRecorder,
     done: Collection[str],
@@ -101,19 +108,13 @@ def _simulate(
     on_step: Callable[[], None],
 ) -> list[str]:
     """Run one simulation; return the names of the frames that it did not reach."""
-    rng = np.random.default_rng([config.seed, plan.number, attempt])
     rules, remaining = config.collection, list(frames)
     is_scenario = town.scenario is not None
-    # A user's scenario is simulated step by step from its start, because a saved state of SUMO is not complete.
-    lead_in_s = config.warm_up_s if is_scenario else min(config.warm_up_s, _LEAD_IN_S)
-    with tempfile.TemporaryDirectory(prefix="cosim-") as folder:
-        sumocfg, beside_parked = populated(town, config, rng, Path(folder))
-        seed, state = int(rng.integers(2**31)), None
-        if config.warm_up_s > lead_in_s:
-            state = warmed_up(sumocfg, seed, config.warm_up_s - lead_in_s, Path(folder))
+    with starts.take(plan, attempt, config, town) as start:
+        rng, state = start.rng, start.state()
         with Traffic(
-            sumocfg,
-            seed,
+            start.sumocfg,
+            start.seed,
             config.step_s,
             state,
             as_given=config.behaviour.as_given,
@@ -126,10 +127,10 @@ def _simulate(
                 int(rng.integers(2**31)),
                 sight_m=max(_SIGHT_M, config.label_range_m),
                 may_appear=is_scenario,
-                beside_parked=beside_parked,
+                beside_parked=start.beside_parked,
                 on_step=on_step,
             )
-            actors = living.step() if state else living.advance(max(2, round(lead_in_s / config.step_s)))
+            actors = living.step() if state else living.advance(max(2, round(start.lead_in_s / config.step_s)))
             actors = _wait_for_vehicle(traffic, living, actors, config)
             carrier: str | Mast = draw_ego(traffic, actors, rng)
             if config.rig_used.carrier == "mast":
@@ -138,7 +139,7 @@ def _simulate(
             else:
                 living.follow(carrier)
             if state:
-                actors = living.advance(round(lead_in_s / config.step_s))
+                actors = living.advance(round(start.lead_in_s / config.step_s))
             states = SignalStates(traffic.api)
             selector, reason = _make_selector(config, actors, carrier, is_scenario=is_scenario), None
             while remaining and reason is None:
@@ -179,18 +180,3 @@ def _wait_for_vehicle(traffic: Traffic, living: DrivenTraffic, actors: Actors, c
             break
         actors = living.step()
     return actors
-
-
-def populated(town: Town, config: RunConfig, rng: np.random.Generator, folder: Path) -> tuple[Path, float]:
-    """Write the scenario to simulate: random demand for a built-in town, the user's own scenario otherwise.
-
-    Returns:
-        Path of the `.sumocfg` file, and the share of parked vehicles that have people next to them.
-    """
-    if town.scenario is not None and config.taxi_dispatch is not None:
-        return with_dispatcher(town.scenario, config.taxi_dispatch).write(folder), 0.0
-    if town.scenario is not None:
-        return town.runnable(folder), 0.0
-    demand = config.population.draw(RECIPES[town.name].demand, rng)
-    share = draw(config.population.beside_parked, rng.spawn(1)[0])
-    return write_demand(town, demand, int(rng.integers(2**31)), folder), share

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypedDict
+from typing import Self, TypedDict
 
 from cosim.capture.config import RunConfig
 from cosim.capture.episode import run_episode
+from cosim.capture.episode_start import EpisodeStarts
 from cosim.capture.plan import EpisodePlan
 from cosim.capture.replayed import replay_episode, replay_of
 from cosim.drives.lock import shared
@@ -42,15 +43,26 @@ def _make_heartbeat(tell: Tell) -> Callable[[], None]:
 
 @dataclass(frozen=True)
 class EpisodeRecording:
-    """Task of recording an episode; `done` are the names of its frames that exist already."""
+    """Task of recording an episode.
+
+    Attributes:
+        plan: plan of the episode.
+        done: names of its frames that exist already.
+        upcoming: plan of the episode that the process probably records next.
+    """
 
     plan: EpisodePlan
     done: frozenset[str]
+    upcoming: EpisodePlan | None = None
 
     @property
     def affinity(self) -> tuple[str, int]:
         """Town and world: a process that has them in memory starts the task faster."""
         return self.plan.town, self.plan.world
+
+    def followed_by(self, other: Self) -> EpisodeRecording:
+        """The same task with the knowledge of the one that the process probably gets next."""
+        return replace(self, upcoming=other.plan)
 
 
 @dataclass(frozen=True)
@@ -67,12 +79,13 @@ class RecordJob:
         from cosim.capture.rig_sensors import rig_sensors
         from cosim.capture.route_recorder import RouteRecorder
 
-        with shared(self.folder):
+        with shared(self.folder), closing(EpisodeStarts(self.config)) as starts:
             replay = None
             recorder = Recorder(self.config, rig_sensors(self.config), DriveWriter(self.folder), threads=threads)
 
             def record(task: EpisodeRecording, tell: Tell) -> None:
                 nonlocal replay
+                starts.prepare(task.plan)  # SUMO warms up while the world is built
                 town = recorder.move_to(task.plan)
                 if replay is None and self.config.trajectories is not None:
                     replay = replay_of(self.config.trajectories, town)
@@ -85,7 +98,10 @@ class RecordJob:
                 if replay is not None:
                     replay_episode(task.plan, self.config, town, replay, target, **frames)
                 else:
-                    run_episode(task.plan, self.config, town, target, **frames, on_step=_make_heartbeat(tell))
+                    if task.upcoming is not None:
+                        starts.prepare(task.upcoming)
+                    heartbeat = _make_heartbeat(tell)
+                    run_episode(task.plan, self.config, town, target, **frames, on_step=heartbeat, starts=starts)
 
             try:
                 yield record

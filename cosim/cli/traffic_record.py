@@ -33,7 +33,7 @@ def execute(options: argparse.Namespace, console: Console) -> None:
     import numpy as np
 
     from cosim.capture.config import load_config
-    from cosim.capture.episode import populated
+    from cosim.capture.episode_start import populated
     from cosim.driver_discrepancy.simulate import record
     from cosim.driver_discrepancy.tracks import TrackError, write_tracks
     from sumo_nets import read_town

@@ -73,7 +73,9 @@ class Engine(Protocol):
 
         Args:
             job: job that every process opens.
-            tasks: tasks to execute; a process preferably gets tasks whose `affinity` equals that of its last task.
+            tasks: tasks to execute; a process preferably gets tasks whose `affinity` equals that of its last task. The
+                result of `followed_by`, if a task has this method, is sent instead of it where the process's next task
+                can be foreseen.
             on_event: called with every event.
             refresh_task: updates a task before it is retried.
 

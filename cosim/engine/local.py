@@ -58,6 +58,7 @@ class _Pool:
         self._idle: list[Child] = []
         self._busy: dict[Connection, tuple[Child, Attempt]] = {}
         self._affinities: dict[int, Affinity] = {}  # of the last task of each process
+        self._expected: dict[int, Attempt] = {}  # probable next task of each process
 
     def run(self, pending: deque[Attempt], count: int, retries: Retries) -> None:
         while pending or self._busy:
@@ -76,14 +77,30 @@ class _Pool:
 
     def _start_task(self, pending: deque[Attempt]) -> None:
         child = self._idle.pop() if self._idle else Child(self._job, self._threads)
-        affinities = [_affinity(attempt) for attempt in pending]
-        running = [_affinity(attempt) for _, attempt in self._busy.values()]
-        index = _choose_task(affinities, self._affinities.get(id(child), ()), running)
-        attempt = pending[index]
-        del pending[index]
+        attempt = self._expected.pop(id(child), None)
+        if attempt is None or attempt not in pending:
+            attempt = self._choose(self._unexpected(pending) or pending, self._affinities.get(id(child), ()))
+        pending.remove(attempt)
         self._affinities[id(child)] = _affinity(attempt)
-        child.send_task(attempt.task)
+        self._send_task(child, attempt, self._unexpected(pending))
         self._busy[child.connection] = (child, attempt)
+
+    def _send_task(self, child: Child, attempt: Attempt, others: Sequence[Attempt]) -> None:
+        """Send a task; if it can make use of the task that the process probably gets next, send it with that one."""
+        if others and hasattr(attempt.task, "followed_by"):
+            upcoming = self._expected[id(child)] = self._choose(others, _affinity(attempt))
+            child.send_task(attempt.task.followed_by(upcoming.task))
+        else:
+            child.send_task(attempt.task)
+
+    def _unexpected(self, pending: Sequence[Attempt]) -> list[Attempt]:
+        """The tasks that are not expected to be the next of another process."""
+        expected = list(self._expected.values())
+        return [attempt for attempt in pending if attempt not in expected]
+
+    def _choose(self, attempts: Sequence[Attempt], last: Affinity) -> Attempt:
+        running = [_affinity(attempt) for _, attempt in self._busy.values()]
+        return attempts[_choose_task([_affinity(attempt) for attempt in attempts], last, running)]
 
     def _receive_events(self) -> list[tuple[Attempt, str]]:
         """Wait briefly for events and forward them; returns the failed attempts with their reasons."""
@@ -121,6 +138,7 @@ class _Pool:
     def _remove(self, child: Child) -> None:
         child.kill()
         self._affinities.pop(id(child), None)
+        self._expected.pop(id(child), None)
         del self._busy[child.connection]
         child.connection.close()
 

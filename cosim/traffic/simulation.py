@@ -35,7 +35,7 @@ class Traffic:
         sumocfg: scenario file.
         seed: SUMO's seed.
         step_s: step length [s].
-        state: saved state to start from (`cosim.traffic.starting.warmed_up`); by default an empty network.
+        state: saved state to start from (`cosim.traffic.warm_up.WarmUp`); by default an empty network.
         as_given: leave lanes, lane changes, vehicle types and drivers as the scenario has them, instead of slowing for
             corners, changing lanes gradually, keeping long vehicles out of tight corners, and deciding seldom far away.
         cornering_mps2: lateral acceleration to which lanes are limited in bends; by default 2.8 unless `as_given`.
@@ -227,7 +227,7 @@ class Traffic:
         try:
             self._sumo.simulationStep()
         except (self._sumo.TraCIException, self._sumo.FatalTraCIError) as error:
-            raise TrafficError(f"SUMO stopped at {before_s:.1f} s: {describe_stop(error)}") from error
+            raise TrafficError(f"SUMO stopped at {before_s:.1f} s: {describe_stop(str(error))}") from error
         self._subscribe()
         self._rest()
         return self._read()

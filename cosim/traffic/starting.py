@@ -1,4 +1,4 @@
-"""Starting SUMO: at a scenario's beginning, or where a quick warm-up has brought it.
+"""Start SUMO at the beginning of a scenario or from a saved state.
 
 Saved states are changed so that the sublane model continues from them in the same way in every process: in a saved
 state, `lcStateBase` of a vehicle is the state of its lane change model, followed by pairs of an acceleration and a
@@ -24,7 +24,6 @@ from types import ModuleType
 from cosim.errors import CosimError
 
 _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
-_QUICK_STEP_S = 0.5
 _SPEED_ADVICE = re.compile(r'(\blcStateBase="[^" ]*) [^"]*(?=")')
 
 
@@ -40,31 +39,17 @@ class SavedState:
     time_s: float
 
 
-def warmed_up(sumocfg: Path, seed: int, seconds: float, folder: Path) -> SavedState:
-    """Run a scenario's warm-up, in long steps and with instantaneous lane changes; return the saved state.
-
-    Args:
-        sumocfg: scenario file.
-        seed: SUMO's seed.
-        seconds: simulated time.
-        folder: where the state is written.
-
-    Raises:
-        TrafficError: SUMO refuses the scenario or gives up, or another simulation runs in this process.
-    """
-    path = folder / "warm.xml"
-    sumo = start_sumo(sumocfg, seed, _QUICK_STEP_S, sublane=False)
-    reached_s = 0.0
-    try:
-        for step in range(round(seconds / _QUICK_STEP_S)):
-            reached_s = step * _QUICK_STEP_S
-            sumo.simulationStep()
-        sumo.simulation.saveState(str(path))
-        return SavedState(path, float(sumo.simulation.getTime()))
-    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
-        raise TrafficError(f"SUMO stopped after {reached_s:.1f} s of warm-up: {describe_stop(error)}") from error
-    finally:
-        sumo.close()
+def scenario_options(sumocfg: Path, seed: int, step_s: float) -> list[str]:
+    """Options of SUMO with which every simulation of a scenario runs: seed and step length [s], no teleports."""
+    return [
+        *("-c", str(sumocfg)),
+        *("--seed", str(seed % 2**31)),
+        *("--step-length", str(step_s)),
+        *("--time-to-teleport", "-1"),
+        *("--collision.action", "warn"),
+        *("--collision.mingap-factor", "0"),
+        "--save-state.transportables",
+    ]
 
 
 def start_sumo(
@@ -82,16 +67,7 @@ def start_sumo(
     Raises:
         TrafficError: SUMO refuses the scenario, or another simulation runs in this process.
     """
-    command = [
-        "sumo",
-        *("-c", str(sumocfg)),
-        *("--seed", str(seed % 2**31)),
-        *("--step-length", str(step_s)),
-        *("--time-to-teleport", "-1"),
-        *("--collision.action", "warn"),
-        *("--collision.mingap-factor", "0"),
-        "--save-state.transportables",
-    ]
+    command = ["sumo", *scenario_options(sumocfg, seed, step_s)]
     if sublane:
         command += ["--lateral-resolution", str(_SUBLANE_M)]
     if state is not None:
@@ -163,9 +139,9 @@ def _start(command: list[str]) -> ModuleType:
     return libsumo
 
 
-def describe_stop(error: Exception) -> str:
-    """What SUMO says of its end, and the remedy for a vehicle without a route."""
-    said = " ".join(str(error).split()).rstrip(".")
+def describe_stop(message: str) -> str:
+    """SUMO's message about its end as one line, with the remedy for a vehicle without a route."""
+    said = " ".join(message.split()).rstrip(".")
     if "no valid route" not in said:
         return said
     remedy = 'leave such vehicles out with <ignore-route-errors value="true"/> in the .sumocfg'

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from cosim.traffic.simulation import Traffic
-from cosim.traffic.starting import TrafficError, warmed_up
+from cosim.traffic.starting import TrafficError
+from cosim.traffic.warm_up import WarmUp
 from tests.cosim.traffic.behaviour.scenario import write_scenario
 
 _NODES = [f'<node id="{name}" x="{x}" y="{y}"/>' for name, x, y in (("a", 0, 0), ("b", 100, 0), ("c", 0, 200))]
@@ -31,7 +32,7 @@ def test_a_vehicle_without_a_route_is_an_error_with_the_remedy(tmp_path: Path) -
     config = write_scenario(tmp_path, _NODES, _EDGES, [_FLOW])
     remedy = r"Vehicle 'f\.0' has no valid route; .*<ignore-route-errors value=\"true\"/>"
     with pytest.raises(TrafficError, match=remedy):
-        warmed_up(config, 1, 10.0, tmp_path)
+        WarmUp(config, 1, 10.0, tmp_path).state()
     simulation = Traffic(config, 1, 0.1)
     with pytest.raises(TrafficError, match=remedy), simulation:
         simulation.step()

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cosim.traffic.starting import SavedState, drop_speed_advice, warmed_up
+from cosim.traffic.starting import SavedState, drop_speed_advice
+from cosim.traffic.warm_up import WarmUp
 from sumo_nets import read_town
 
 _TOWN = "town02"
@@ -31,7 +32,7 @@ with Traffic(read_town(town).sumocfg, 1, state=SavedState(Path(path), float(time
 @pytest.fixture(scope="module")
 def state(tmp_path_factory) -> SavedState:
     """A saved state in which the lane change model of every vehicle has advised a deceleration of 1 m/s²."""
-    saved = warmed_up(read_town(_TOWN).sumocfg, 1, 30.0, tmp_path_factory.mktemp("state"))
+    saved = WarmUp(read_town(_TOWN).sumocfg, 1, 30.0, tmp_path_factory.mktemp("state")).state()
     text = re.sub(r'lcStateBase="([^" ]*)[^"]*"', r'lcStateBase="\1 -1.00 262144.00"', saved.path.read_text())
     saved.path.write_text(text)
     return saved

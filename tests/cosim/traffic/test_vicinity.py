@@ -13,7 +13,7 @@ from cosim.traffic.behaviour import BehaviourConfig
 from cosim.traffic.driven_traffic import DrivenTraffic
 from cosim.traffic.ego import draw_ego
 from cosim.traffic.simulation import Traffic
-from cosim.traffic.starting import warmed_up
+from cosim.traffic.warm_up import WarmUp
 from sumo_nets import read_town
 from tests.cosim.inspector import Inspector
 
@@ -34,7 +34,7 @@ class Ride:
 
 def ride(folder: Path, steps: int = 400, town: str = "town02") -> Ride:
     sumocfg = read_town(town).sumocfg
-    state = warmed_up(sumocfg, 1, 60.0, folder)
+    state = WarmUp(sumocfg, 1, 60.0, folder).state()
     with Traffic(sumocfg, 1, state=state) as traffic:
         living = DrivenTraffic(traffic, BUSY, seed=1, sight_m=SIGHT_M)
         actors = living.step()
