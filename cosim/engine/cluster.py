@@ -1,7 +1,8 @@
 """Engine that runs tasks on a Dask cluster, in child processes of the Dask workers.
 
 A child may crash, hang or be killed without affecting its Dask worker. If a worker dies, its children exit and the
-scheduler assigns their tasks to another worker. Files on disk remain complete in both cases.
+scheduler assigns their tasks to another worker. Files on disk remain complete in both cases. Tasks with the same
+affinity are submitted in groups, because a child that executes them one after the other builds their world only once.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, Literal
 
-from cosim.engine.jobs import Job, JobEvent, Skipped, Tell, WorkError
+from cosim.engine.jobs import Job, JobEvent, Skipped, Tell, WorkError, affinity_of, with_next
 from cosim.engine.local import PATIENCE_S
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 _ADDRESS = re.compile(r"(tcp|tls)://[^\s/]+:\d+")
 _CONNECT_S = 20.0
 _POLL_S = 0.2
+_LARGEST_GROUP = 4  # tasks; larger groups would make the workers wait for the last one at the end of a run
+_GROUPS_PER_THREAD = 4
+_EXPECTED_THREADS = 64  # if no worker has joined yet
 _log = logging.getLogger(__name__)
 
 
@@ -69,31 +73,30 @@ class DaskEngine:
 
 
 class _Submissions:
-    """Tasks submitted to the cluster."""
+    """Groups of tasks submitted to the cluster."""
 
     def __init__(self, client: Client, address: str, name: str, on_event: Tell) -> None:
         self._client, self._address, self._name, self._on_event = client, address, name, on_event
-        self._pending: dict[Future, Attempt] = {}
+        self._pending: dict[Future, list[Attempt]] = {}
         self._count = 0
 
     def run(self, tasks: Sequence[Any], events: queue.SimpleQueue[JobEvent], retries: Retries) -> None:
-        for task in tasks:
-            self._submit(Attempt(task))
+        workers: Any = self._client.nthreads()
+        threads = sum(workers.values()) or _EXPECTED_THREADS
+        for group in _group(tasks, len(tasks) // (threads * _GROUPS_PER_THREAD)):
+            self._submit([Attempt(task) for task in group])
         while self._pending:
             self._forward(events)
             for future in [future for future in self._pending if future.done()]:
-                attempt = self._pending.pop(future)
-                reason = self._failure(future)
-                retry = None if reason is None else retries.next_attempt(attempt, reason)
-                if retry is not None:
-                    self._submit(retry)
+                self._settle(future, self._pending.pop(future), retries)
 
-    def _submit(self, attempt: Attempt) -> None:
+    def _submit(self, attempts: list[Attempt]) -> None:
         # Earlier tasks first: neighbouring tasks have the same affinity.
         key = f"{self._name}-{self._count}"
         self._count += 1
-        future = self._client.submit(_run_task, attempt.task, self._name, key=key, pure=False, priority=-self._count)
-        self._pending[future] = attempt
+        tasks = [attempt.task for attempt in attempts]
+        future = self._client.submit(_run_tasks, tasks, self._name, key=key, pure=False, priority=-self._count)
+        self._pending[future] = attempts
 
     def _forward(self, events: queue.SimpleQueue[JobEvent]) -> None:
         try:
@@ -103,22 +106,42 @@ class _Submissions:
         except queue.Empty:
             pass
 
-    def _failure(self, future: Future) -> str | None:
-        """Reason why the task of a finished future failed, or None if it is complete."""
+    def _settle(self, future: Future, attempts: list[Attempt], retries: Retries) -> None:
+        """Report the finished tasks of a group; submit those again that failed or were not reached."""
         if self._client.status != "running":
             raise WorkError(
                 f"the connection to the Dask scheduler at {self._address} is lost; start it again, then the same "
                 "command resumes the run"
             )
-        if future.status != "finished":
-            return " ".join(str(future.exception()).split()) if future.status == "error" else "it was cancelled"
-        outcome: _Outcome = future.result()
-        if outcome.kind == "refused":
-            raise WorkError(outcome.text)
-        if outcome.kind == "failed":
-            return outcome.text
-        self._on_event(JobEvent("task", peak_bytes=outcome.peak_bytes))
-        return None
+        if future.status != "finished" and len(attempts) > 1:
+            for attempt in attempts:  # one by one, because it is not known which one failed
+                self._submit([attempt])
+            return
+        outcomes = [_failure_of(future)] if future.status != "finished" else future.result()
+        for attempt, outcome in zip(attempts, outcomes, strict=False):  # of those that were reached
+            if outcome.kind == "refused":
+                raise WorkError(outcome.text)
+            if outcome.kind == "done":
+                self._on_event(JobEvent("task", peak_bytes=outcome.peak_bytes))
+            elif retry := retries.next_attempt(attempt, outcome.text):
+                self._submit([retry])
+        if len(outcomes) < len(attempts):
+            self._submit(attempts[len(outcomes) :])
+
+
+def _group(tasks: Sequence[Any], size: int) -> list[list[Any]]:
+    """Divide tasks into groups of neighbours with the same affinity, of at most a size (at least 1)."""
+    groups: list[list[Any]] = []
+    for task in tasks:
+        if (
+            groups
+            and len(groups[-1]) < min(size, _LARGEST_GROUP)
+            and affinity_of(groups[-1][0]) == affinity_of(task) != ()
+        ):
+            groups[-1].append(task)
+        else:
+            groups.append([task])
+    return groups
 
 
 @dataclass(frozen=True)
@@ -126,6 +149,12 @@ class _Outcome:
     kind: Literal["done", "refused", "failed"]
     text: str = ""
     peak_bytes: int = 0
+
+
+def _failure_of(future: Future) -> _Outcome:
+    """Outcome of a task whose worker did not return one."""
+    is_error = future.status == "error"
+    return _Outcome("failed", " ".join(str(future.exception()).split()) if is_error else "it was cancelled")
 
 
 @dataclass
@@ -137,19 +166,22 @@ class _ChildPool:
     folder: str
     idle: list[Child] = field(default_factory=list)
 
-    def run_task(self, task: Any, tell: Tell) -> _Outcome:
+    def run_tasks(self, tasks: Sequence[Any], tell: Tell) -> list[_Outcome]:
+        """Execute tasks in one child until one fails; returns the outcomes of those that were started."""
         child = self.idle.pop() if self.idle else Child(self.job, 1, folder=self.folder)
-        child.send_task(task)
+        outcomes: list[_Outcome] = []
         try:
-            outcome = self._wait_for(child, tell)
+            for number, task in enumerate(tasks, start=1):
+                child.send_task(with_next(task, tasks[number]) if number < len(tasks) else task)
+                outcomes.append(self._wait_for(child, tell))
+                if outcomes[-1].kind != "done":
+                    child.kill()
+                    return outcomes
         except BaseException:
             child.kill()
             raise
-        if outcome.kind == "done":
-            self.idle.append(child)
-        else:
-            child.kill()
-        return outcome
+        self.idle.append(child)
+        return outcomes
 
     def shut_down(self) -> None:
         while self.idle:
@@ -191,8 +223,8 @@ def _make_plugin(job: Job, patience_s: float) -> Any:
     return Plugin(os.getcwd())  # noqa: PTH109 — a plain string is pickled
 
 
-def _run_task(task: Any, name: str) -> _Outcome:
-    """Execute one task on a Dask worker."""
+def _run_tasks(tasks: Sequence[Any], name: str) -> list[_Outcome]:
+    """Execute a group of tasks on a Dask worker."""
     from distributed import get_worker
 
     worker = get_worker()
@@ -201,7 +233,7 @@ def _run_task(task: Any, name: str) -> _Outcome:
     def tell(event: JobEvent) -> None:
         worker.log_event(name, (event.kind, event.text, event.peak_bytes))
 
-    return plugin.pool.run_task(task, tell)
+    return plugin.pool.run_tasks(tasks, tell)
 
 
 @contextmanager

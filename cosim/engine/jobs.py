@@ -35,6 +35,17 @@ class JobEvent:
 Affinity = tuple[Any, ...]
 """State that a process keeps between tasks, the most expensive part first: a task's `affinity`, if it has one."""
 
+
+def affinity_of(task: Any) -> Affinity:
+    """The `affinity` of a task; empty if it has none."""
+    return getattr(task, "affinity", ())
+
+
+def with_next(task: Any, following: Any) -> Any:
+    """A task with the knowledge of the one that its process gets next, if it can make use of it (`followed_by`)."""
+    return task.followed_by(following) if hasattr(task, "followed_by") else task
+
+
 Tell = Callable[[JobEvent], None]
 Do = Callable[[Any, Tell], None]
 """Executes one task; reports its frames as events."""
@@ -73,9 +84,9 @@ class Engine(Protocol):
 
         Args:
             job: job that every process opens.
-            tasks: tasks to execute; a process preferably gets tasks whose `affinity` equals that of its last task. The
-                result of `followed_by`, if a task has this method, is sent instead of it where the process's next task
-                can be foreseen.
+            tasks: tasks to execute; a process preferably gets tasks whose `affinity` equals that of its last task. If
+                the next task of the process can be foreseen, a task with the method `followed_by` is replaced by
+                `task.followed_by(next)`.
             on_event: called with every event.
             refresh_task: updates a task before it is retried.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from cosim.engine.jobs import Affinity, Job, JobEvent, Skipped, Tell, WorkError
+from cosim.engine.jobs import Affinity, Job, JobEvent, Skipped, Tell, WorkError, affinity_of, with_next
 from cosim.engine.parent import Child
 from cosim.engine.retries import Attempt, Retries
 
@@ -81,15 +81,15 @@ class _Pool:
         if attempt is None or attempt not in pending:
             attempt = self._choose(self._unexpected(pending) or pending, self._affinities.get(id(child), ()))
         pending.remove(attempt)
-        self._affinities[id(child)] = _affinity(attempt)
+        self._affinities[id(child)] = affinity_of(attempt.task)
         self._send_task(child, attempt, self._unexpected(pending))
         self._busy[child.connection] = (child, attempt)
 
     def _send_task(self, child: Child, attempt: Attempt, others: Sequence[Attempt]) -> None:
-        """Send a task; if it can make use of the task that the process probably gets next, send it with that one."""
-        if others and hasattr(attempt.task, "followed_by"):
-            upcoming = self._expected[id(child)] = self._choose(others, _affinity(attempt))
-            child.send_task(attempt.task.followed_by(upcoming.task))
+        """Send a task together with the one that the process probably gets next."""
+        if others:
+            following = self._expected[id(child)] = self._choose(others, affinity_of(attempt.task))
+            child.send_task(with_next(attempt.task, following.task))
         else:
             child.send_task(attempt.task)
 
@@ -99,8 +99,8 @@ class _Pool:
         return [attempt for attempt in pending if attempt not in expected]
 
     def _choose(self, attempts: Sequence[Attempt], last: Affinity) -> Attempt:
-        running = [_affinity(attempt) for _, attempt in self._busy.values()]
-        return attempts[_choose_task([_affinity(attempt) for attempt in attempts], last, running)]
+        running = [affinity_of(attempt.task) for _, attempt in self._busy.values()]
+        return attempts[_choose_task([affinity_of(attempt.task) for attempt in attempts], last, running)]
 
     def _receive_events(self) -> list[tuple[Attempt, str]]:
         """Wait briefly for events and forward them; returns the failed attempts with their reasons."""
@@ -141,10 +141,6 @@ class _Pool:
         self._expected.pop(id(child), None)
         del self._busy[child.connection]
         child.connection.close()
-
-
-def _affinity(attempt: Attempt) -> Affinity:
-    return getattr(attempt.task, "affinity", ())
 
 
 def _choose_task(affinities: Sequence[Affinity], last: Affinity, running: Sequence[Affinity]) -> int:

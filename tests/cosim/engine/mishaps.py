@@ -17,6 +17,7 @@ class Task:
     name: str
     mishap: str = ""
     always: bool = False
+    affinity: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cosim.engine import JobEvent, WorkError
-from cosim.engine.cluster import DaskEngine
+from cosim.engine.cluster import DaskEngine, _group
 from tests.cosim.capture.test_run import checksums, wait_for_frames
 from tests.cosim.conftest import refused
 from tests.cosim.engine.mishaps import Mishaps, Task
@@ -86,6 +86,34 @@ def test_tasks_survive_children_that_die_and_workers_that_join_late(tmp_path):
     assert done(tmp_path / "tasks") == {"a", "b", "d", "e"}
     types = [event.kind for event in events]
     assert types.count("task") == 4 and types.count("again") == 3 and types.count("skipped") == 1
+
+
+def test_groups_are_neighbours_of_one_world():
+    tasks = [Task(str(number), affinity=(world,)) for number, world in enumerate("aaaaaabbc")]
+    names = ["".join(task.name for task in group) for group in _group(tasks, 20)]
+    assert names == ["0123", "45", "67", "8"]
+    assert ["".join(task.name for task in group) for group in _group(tasks, 2)] == ["01", "23", "45", "67", "8"]
+    assert [len(group) for group in _group(tasks, 0)] == [1] * 9
+    assert [len(group) for group in _group([Task("a"), Task("b")], 4)] == [1, 1]
+
+
+def test_a_group_goes_on_after_a_task_that_fails(tmp_path):
+    (tmp_path / "tasks").mkdir()
+    events: list[JobEvent] = []
+    worlds = "wxyz"
+    tasks = [Task(f"{world}{number}", affinity=(world,)) for world in worlds for number in range(4)]
+    tasks[1] = Task("w1", "killed", affinity=("w",))
+    tasks[5] = Task("x1", "error", always=True, affinity=("x",))
+    with cluster(tmp_path / "scratch") as dask:
+        dask.worker()
+        skipped = DaskEngine(dask.address).share_out(Mishaps(tmp_path / "tasks"), tasks, events.append)
+    assert [skip.task.name for skip in skipped] == ["x1"]
+    assert done(tmp_path / "tasks") == {task.name for task in tasks} - {"x1"}
+    processes = {name: (tmp_path / "tasks" / name).read_text() for name in done(tmp_path / "tasks")}
+    for world in "yz":
+        assert len({process for name, process in processes.items() if name[0] == world}) == 1
+    assert [event.kind for event in events].count("task") == 15
+    assert [event.kind for event in events].count("again") == 2
 
 
 @pytest.mark.slow
