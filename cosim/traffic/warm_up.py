@@ -16,7 +16,7 @@ class WarmUp:
     """A running warm-up, with long steps and instantaneous lane changes.
 
     Args:
-        sumocfg: scenario file; the simulation begins at 0 s.
+        sumocfg: scenario file; its simulation starts at 0 s.
         seed: SUMO's seed.
         seconds: simulated time; rounded to half seconds.
         folder: existing folder where the state is written.
