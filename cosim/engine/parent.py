@@ -11,7 +11,7 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from cosim.engine.heap import RETURN_LARGE_BLOCKS
+from cosim.engine.heap import SMALL_HEAP
 from cosim.engine.jobs import Job, JobEvent
 
 _EXIT_S = 10.0
@@ -32,7 +32,7 @@ class Child:
     def __init__(self, job: Job, threads: int, *, folder: str | None = None) -> None:
         ours, theirs = socket.socketpair()
         environment = {
-            **RETURN_LARGE_BLOCKS,
+            **SMALL_HEAP,
             **os.environ,
             **_WITHOUT_BLAS_THREADS,
             "LP_NUM_THREADS": str(threads if threads > 1 else 0),
