@@ -31,9 +31,7 @@ def run_tool(tool: str, *arguments: str | Path, cwd: Path | None = None, timeout
     Raises:
         TownError: the program failed or ran too long; the message ends with its first error line.
     """
-    home = sumo_home()
-    command = [str(home / "bin" / tool), *map(str, arguments)]
-    environment = {**os.environ, "SUMO_HOME": str(home)}
+    command, environment = tool_command(tool, *arguments)
     try:
         done = subprocess.run(
             command, cwd=cwd, env=environment, capture_output=True, text=True, errors="replace", timeout=timeout_s
@@ -47,6 +45,12 @@ def run_tool(tool: str, *arguments: str | Path, cwd: Path | None = None, timeout
     if done.returncode != 0:
         raise TownError(f"{tool} failed: {first_error(done.stderr)}")
     return done.stdout
+
+
+def tool_command(tool: str, *arguments: str | Path) -> tuple[list[str], dict[str, str]]:
+    """Return the command line and the environment in which one of SUMO's programs runs."""
+    home = sumo_home()
+    return [str(home / "bin" / tool), *map(str, arguments)], {**os.environ, "SUMO_HOME": str(home)}
 
 
 def first_error(text: str) -> str:

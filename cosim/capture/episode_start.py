@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Self
 
@@ -20,6 +21,7 @@ from sumo_nets.dispatch import with_dispatcher
 
 _LEAD_IN_S = 8.0  # until vehicle bodies and driver behaviour are initialised
 _AHEAD = 2  # the present episode and the next
+_read_town = lru_cache(maxsize=1)(read_town)  # most consecutive episodes of a process have the same town
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class EpisodeStarts:
             return
         while len(self._ahead) >= _AHEAD:
             self._ahead.pop(next(iter(self._ahead))).__exit__()
-        self._ahead[plan.number] = EpisodeStart.of(plan, 0, self._config, read_town(plan.town))
+        self._ahead[plan.number] = EpisodeStart.of(plan, 0, self._config, _read_town(plan.town))
 
     def take(self, plan: EpisodePlan, attempt: int, config: RunConfig, town: Town) -> EpisodeStart:
         """The start of a simulation: the prepared one if there is one, otherwise a new one.
@@ -119,10 +121,7 @@ class EpisodeStarts:
             TownError: the town cannot be populated.
             TrafficError: SUMO cannot be started.
         """
-        prepared = self._ahead.pop(plan.number, None)
-        if prepared is None:
-            return EpisodeStart.of(plan, attempt, config, town)
-        return prepared
+        return self._ahead.pop(plan.number, None) or EpisodeStart.of(plan, attempt, config, town)
 
     def close(self) -> None:
         """Stop the warm-ups of episodes that were not taken, and delete their files."""

@@ -22,6 +22,7 @@ from pathlib import Path
 from types import ModuleType
 
 from cosim.errors import CosimError
+from sumo_nets.tools import first_error
 
 _SUBLANE_M = 0.8  # lane changes take their time; SUMO's own default is a jump
 _SPEED_ADVICE = re.compile(r'(\blcStateBase="[^" ]*) [^"]*(?=")')
@@ -133,9 +134,8 @@ def _start(command: list[str]) -> ModuleType:
         try:
             libsumo.start([*command, "--no-step-log", "--no-warnings"])
         except (libsumo.TraCIException, libsumo.FatalTraCIError, RuntimeError) as error:
-            lines = [line.strip() for line in complaints().splitlines() if line.strip()]
-            errors = [line for line in lines if line.startswith("Error")] or lines or [str(error)]
-            raise TrafficError(f"SUMO refuses {command[2]}: {errors[0].removeprefix('Error: ')}") from error
+            reason = first_error(complaints().strip() or str(error))
+            raise TrafficError(f"SUMO refuses {command[2]}: {reason}") from error
     return libsumo
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 from pathlib import Path
 
 from cosim.traffic.starting import SavedState, TrafficError, describe_stop, scenario_options
-from sumo_nets.tools import first_error, sumo_home
+from sumo_nets.tools import first_error, tool_command
 
 _STEP_S = 0.5
 
@@ -29,16 +28,15 @@ class WarmUp:
         end_s = round(seconds / _STEP_S) * _STEP_S
         self._saved = SavedState(folder / "warm.xml", end_s)
         self._messages = folder / "warm_up.log"
-        command = [
-            str(sumo_home() / "bin" / "sumo"),
+        command, environment = tool_command(
+            "sumo",
             *scenario_options(sumocfg, seed, _STEP_S),
             *("--begin", "0"),
             *("--end", str(end_s + _STEP_S)),
             *("--save-state.times", str(end_s)),
-            *("--save-state.files", str(self._saved.path)),
+            *("--save-state.files", self._saved.path),
             *("--no-step-log", "--no-warnings"),
-        ]
-        environment = {**os.environ, "SUMO_HOME": str(sumo_home())}
+        )
         try:
             with self._messages.open("wb") as messages:
                 self._process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=messages)

@@ -1,4 +1,4 @@
-"""Tiles of a static world, cut anew or read from the cache."""
+"""Tiles of a static world, computed or read from the cache."""
 
 from __future__ import annotations
 
