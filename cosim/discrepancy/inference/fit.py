@@ -22,7 +22,8 @@ from cosim.discrepancy.inference.dependence import (
     updated_spurious_shares,
 )
 from cosim.discrepancy.inference.derivatives import Derivatives
-from cosim.discrepancy.inference.likelihood import Residuals, range_spread_m, residuals_of
+from cosim.discrepancy.inference.inflation import inflations_of
+from cosim.discrepancy.inference.likelihood import Residuals, residuals_of
 from cosim.discrepancy.inference.linear_model import LinearModel
 from cosim.discrepancy.inference.map_albedo import updated_map_albedo
 from cosim.discrepancy.inference.parameters import (
@@ -210,26 +211,6 @@ class Fitter:
             for column in slopes
         )
 
-    def _roughness(self, prediction: Prediction) -> float:
-        """Scale of the large range or rise residuals [m]; 0 if all are within a few standard deviations."""
-        compared = np.where(self.sample.compared, self.sample.along_m - prediction.range_m, np.nan)
-        stated = float(np.median(range_spread_m(prediction, self.settings.likelihood)))
-        rise = self.sample.above_m - prediction.rise_m
-        return max(
-            self._large_residual_scale(compared, stated),
-            self._large_residual_scale(rise, self.settings.likelihood.rise_sigma_m),
-        )
-
-    def _large_residual_scale(self, residual_m: np.ndarray, stated_m: float) -> float:
-        size, descent = np.abs(residual_m), self.settings.descent
-        near = np.isfinite(size) & (size < descent.far_m)
-        if not near.any():
-            return 0.0
-        order = np.argsort(size[near])
-        below = np.cumsum(self.sample.weight[near][order])
-        wide = float(size[near][order][np.searchsorted(below, descent.rough_share * below[-1])])
-        return wide if wide > descent.rough * max(stated_m, descent.fine_m) else 0.0
-
     def is_searched(self, effect: Effect, unknown: Unknown, column: Column) -> bool:
         """Whether a parameter is fitted by line search instead of Gauss–Newton."""
         return is_searched(effect, unknown, column, self.settings.search)
@@ -330,7 +311,9 @@ class Fitter:
         for start in starts:
             state, is_converged = self._descend(start, free, 0.0, few, simplified, before)
             reached.append((state, is_converged))
-            inflations_m = self._inflations_m(state) if widened else ()
+            inflations_m: tuple[float, ...] = ()
+            if widened:
+                inflations_m = inflations_of(self.sample, self.random.adjusted(state.prediction, state.estimate))
             if inflations_m:
                 state = start
                 for blur_m in (*inflations_m, 0.0):
@@ -342,14 +325,6 @@ class Fitter:
         if is_converged or few == steps:
             return best
         return self._descend(best, free, 0.0, steps - few, simplified, before)[0]
-
-    def _inflations_m(self, state: _State) -> tuple[float, ...]:
-        """Decreasing additions to σ [m] with which a fit converges from large residuals; none if there are none."""
-        inflations_m, blur_m = list[float](), self._roughness(self.random.adjusted(state.prediction, state.estimate))
-        while blur_m > 0:
-            inflations_m.append(blur_m)
-            blur_m = blur_m / 4 if blur_m / 4 > self.settings.descent.fine_m else 0.0
-        return tuple(inflations_m)
 
     def _descend(
         self,
