@@ -1,9 +1,13 @@
-"""Results of slow functions that depend only on their arguments, stored on disk for the next process."""
+"""Results of slow functions that depend only on their arguments, stored on disk and mapped into memory from there.
+
+Processes with the same result share its memory, and the system can take it back from them without writing it anywhere.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import logging
+import mmap
 import os
 import shutil
 import time
@@ -11,14 +15,19 @@ from collections.abc import Callable, Collection
 from functools import cache, wraps
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
+from uuid import uuid4
 
-from assets.serialization import content_digest, dumps, loads
+import numpy as np
+
+from assets.serialization import content_digest, dump, loads
 
 FOLDER = "COSIM_CACHE"
 """Name of the environment variable with the folder of stored results; empty: nothing is stored."""
 
 _OTHERS_KEPT_DAYS = 30
+_SUFFIX = ".bin"
+_LEAST_MAPPED = 1 << 20  # bytes; each mapping needs one of the 1024 file descriptors of a process
 _LIBRARIES = ("numpy", "scipy", "shapely", "mapbox-earcut", "embreex")
 
 _Arguments = ParamSpec("_Arguments")
@@ -30,7 +39,8 @@ def cached(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Res
     """Keep a function's results in the user's cache folder.
 
     They are stored by the code of `assets` and of the function's own package and by the libraries' versions, so that
-    results of other code are never read. Where the folder cannot be written, every result is computed.
+    results of other code are never read. Where the folder cannot be written, every result is computed. Arrays of a
+    result may be changed: this does not change what is stored.
 
     Args:
         function: depends only on its arguments; they and its results are of types that `assets.serialization` allows.
@@ -59,9 +69,9 @@ def _cached(
         if folder is None:
             return function(*arguments, **named)
         key = arguments, {name: value for name, value in named.items() if name not in ignore}
-        path = folder / f"{function.__name__}-{content_digest(key)}.npz"
+        path = folder / f"{function.__name__}-{content_digest(key)}{_SUFFIX}"
         try:
-            result = loads(path.read_bytes())
+            result = loads(_content(path))
             if most is not None:
                 os.utime(path)
             return result
@@ -70,9 +80,13 @@ def _cached(
         except (OSError, ValueError) as error:
             _log.info("%s: computed again, because it cannot be read (%s)", path, error)
         result = function(*arguments, **named)
-        _write(path, dumps(result))
+        try:
+            _write(path, result)
+            result = loads(_content(path))
+        except (OSError, ValueError) as error:
+            _log.info("%s: not kept (%s)", path, error)
         if most is not None:
-            _remove_all_but(folder, f"{function.__name__}-*.npz", most)
+            _remove_all_but(folder, f"{function.__name__}-*{_SUFFIX}", most)
         return result
 
     return call
@@ -98,15 +112,41 @@ def _folder(package: str, where: str | None) -> Path | None:
     return folder
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, result: Any) -> None:
     """Write atomically, because other processes may read and write the same file."""
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    partial = _unique(path)
     try:
-        partial.write_bytes(content)
+        with partial.open("wb") as file:
+            dump(result, file)
         partial.replace(path)
-    except OSError as error:
-        _log.info("%s: cannot be written (%s)", path, error.strerror)
+    finally:
         partial.unlink(missing_ok=True)
+
+
+def _content(path: Path) -> memoryview:
+    """The bytes of a file; those of a large one are read when they are used and copied when they are changed.
+
+    A network file system frees a file that another computer removes, also while it is mapped here, and the next access
+    would end the process. It keeps a file that has another name. That name is removed as soon as the file is mapped,
+    which a client of a network file system delays until the mapping ends.
+    """
+    if path.stat().st_size < _LEAST_MAPPED:
+        return np.fromfile(path, np.uint8).data
+    name = _unique(path)
+    try:
+        name.hardlink_to(path)
+    except OSError:  # the file system does not allow several names
+        return np.fromfile(path, np.uint8).data
+    try:
+        with name.open("rb") as file:
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
+    finally:
+        name.unlink(missing_ok=True)
+
+
+def _unique(path: Path) -> Path:
+    """A name next to a file that no other process or computer uses."""
+    return path.with_name(f"{path.name}.{uuid4().hex}.partial")
 
 
 def _remove_all_but(folder: Path, pattern: str, most: int) -> None:

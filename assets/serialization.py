@@ -1,45 +1,47 @@
 """Serialisation of plain data: reading it runs no code.
 
-One `npz` file: the bytes of all arrays one after the other, and a JSON tree with their types and everything around
-them. Allowed are numbers, text, tuples, lists, dictionaries, sets, numpy arrays, shapely geometries, Delaunay
-triangulations and dataclasses of this project.
+A file holds the bytes of all arrays one after the other, each starting at a multiple of 8, a JSON tree with their types
+and everything around them, the length of the tree [bytes], and a CRC-32 of all that. The arrays that are read are
+views of the bytes: a file that is mapped into memory is not copied. Allowed are numbers, text, tuples, lists,
+dictionaries, sets, numpy arrays, shapely geometries, Delaunay triangulations and dataclasses of this project.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
-import zipfile
+import struct
+import zlib
 from dataclasses import fields, is_dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import shapely
 
 _PACKAGES = ("assets", "sumo_nets", "sensors", "tests")
-_DAMAGED = (
-    OSError, EOFError, LookupError, TypeError, AttributeError, ImportError, zipfile.BadZipFile,
-    shapely.errors.ShapelyError,
-)  # fmt: skip
+_DAMAGED = (LookupError, TypeError, AttributeError, ImportError, struct.error, shapely.errors.ShapelyError)
+_LENGTH, _CHECKSUM = struct.Struct("<Q"), struct.Struct("<I")
 _PLAIN = (type(None), bool, int, float, str)
 _SEQUENCES: dict[str, Any] = {"tuple": tuple, "list": list, "set": set, "frozenset": frozenset}
 
 
-def dumps(value: Any) -> bytes:
-    """Bytes of a value. A part that occurs twice is stored once.
+def dump(value: Any, file: BinaryIO) -> None:
+    """Write a value. A part that occurs twice is stored once.
 
     Raises:
         TypeError: a part is of a type that is not allowed.
+        OSError: the file cannot be written.
     """
     writer = _Writer()
-    tree = writer.encode(value)
-    text = np.frombuffer(json.dumps({"nodes": writer.nodes, "root": tree}).encode(), np.uint8)
-    buffer = io.BytesIO()
-    np.savez(buffer, tree=text, data=np.frombuffer(b"".join(writer.chunks), np.uint8))
-    return buffer.getvalue()
+    root = writer.encode(value)
+    tree = json.dumps({"nodes": writer.nodes, "root": root}).encode()
+    checksum = 0
+    for chunk in (*writer.chunks, tree, _LENGTH.pack(len(tree))):
+        checksum = zlib.crc32(chunk, checksum)
+        file.write(chunk)
+    file.write(_CHECKSUM.pack(checksum))
 
 
 def content_digest(value: Any) -> str:
@@ -56,16 +58,23 @@ def content_digest(value: Any) -> str:
     return digest.hexdigest()
 
 
-def loads(data: bytes) -> Any:
-    """The value that `dumps` wrote.
+def loads(data: bytes | memoryview) -> Any:
+    """The value that `dump` wrote. Its arrays are views of the data, and writable where the data are.
 
     Raises:
         ValueError: the bytes are damaged, or name a class that is not a dataclass of this project.
     """
+    stored = memoryview(data)
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-            head, values = json.loads(stored["tree"].tobytes()), stored["data"]
-        return _Reader(head["nodes"], values).decode(head["root"])
+        (checksum,) = _CHECKSUM.unpack(stored[-_CHECKSUM.size :])
+        checked = stored[: -_CHECKSUM.size]
+        if zlib.crc32(checked) != checksum:
+            raise ValueError("not what was written: the checksum differs")
+        (length,) = _LENGTH.unpack(checked[-_LENGTH.size :])
+        rest = checked[: -_LENGTH.size]
+        start = len(rest) - length
+        tree = json.loads(bytes(rest[start:]))
+        return _Reader(tree["nodes"], np.frombuffer(rest[:start], np.uint8)).decode(tree["root"])
     except _DAMAGED as error:
         raise ValueError(f"not what was written: {error}") from error
 
@@ -75,7 +84,7 @@ class _Writer:
 
     def __init__(self) -> None:
         self.nodes: list[dict[str, Any]] = []
-        self.chunks: list[bytes] = []
+        self.chunks: list[bytes | memoryview] = []
         self._length = 0
         self._numbers: dict[int, tuple[int, Any]] = {}  # by id; values are kept, so that ids stay theirs
 
@@ -93,7 +102,7 @@ class _Writer:
         if isinstance(value, np.ndarray | np.generic):
             if value.dtype.hasobject:
                 raise TypeError("arrays of objects cannot be stored")
-            start = self._stored(np.ascontiguousarray(value).tobytes())
+            start = self._stored(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
             return {"array": start, "dtype": value.dtype.str, "shape": list(value.shape),
                     "scalar": isinstance(value, np.generic)}  # fmt: skip
         if isinstance(value, shapely.Geometry):
@@ -113,7 +122,7 @@ class _Writer:
             return {"delaunay": {name: self.encode(part) for name, part in parts.items()}}
         raise TypeError(f"{kind.__module__}.{kind.__qualname__} cannot be stored")
 
-    def _stored(self, data: bytes) -> int:
+    def _stored(self, data: bytes | memoryview) -> int:
         """Offset of the first byte; a multiple of 8."""
         start = self._length
         self.chunks += [data, bytes(-len(data) % 8)]

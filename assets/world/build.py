@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,7 +19,7 @@ from assets.world.furniture.furnishing import furnish
 from assets.world.furniture.props import SignalHead, props_mesh
 from assets.world.ground.plan import TERRAIN, terrain_materials
 from assets.world.ground.sheet import Sheet
-from assets.world.groundwork import Groundwork, lay_groundwork
+from assets.world.groundwork import lay_groundwork
 from assets.world.obstacles import Obstacles
 from assets.world.plants.greenery import climbers_mesh, hedgerow_trees, planted_trees, trees_mesh
 from assets.world.roads.markings import repairs_mesh
@@ -55,7 +54,6 @@ def build_world(
     streets: Streets,
     seed: int,
     environment: Environment | None = None,
-    groundwork: Callable[[], Groundwork] | None = None,
 ) -> BuiltWorld:
     """Builds the static world around a street network.
 
@@ -66,12 +64,11 @@ def build_world(
         streets: the network and its style.
         seed: of every choice.
         environment: how densely it is built, planted and furnished; as the style has it by default.
-        groundwork: gives that of these streets, where it is made already.
 
     Raises:
         ValueError: the network has no lanes, or its style is unknown.
     """
-    base = groundwork() if groundwork is not None else lay_groundwork(streets)
+    base = lay_groundwork(streets)
     streets = base.streets  # on the land; bridges carry the rest
     environment = environment or Environment()
     style = environment.dress(style_of(streets.style))

@@ -15,7 +15,6 @@ from assets.streets import Streets
 from assets.world.build import BuiltWorld, build_world
 from assets.world.environment import Environment
 from assets.world.furniture.props import SignalHead
-from assets.world.groundwork import Groundwork, lay_groundwork
 from cosim.capture.config import RunConfig
 from cosim.scene.ground import Ground
 from sensors.cameras import CameraRenderer, Light, PackedModel, SunShadows, Tiles
@@ -25,7 +24,7 @@ from sumo_nets import Town
 from sumo_nets.local_origin import shift_streets
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
-_build_world = cached_latest(8, ignore=("groundwork",))(build_world)  # 30 MB each
+_build_world = cached_latest(8)(build_world)  # 50 MB each
 _COORDINATE_DECIMALS = 6  # what remains of a subtraction in double precision
 
 
@@ -71,14 +70,9 @@ class Land:
             return self.streets
         return shift_streets(self.streets, -self.corner_m, _COORDINATE_DECIMALS)
 
-    @cached_property
-    def groundwork(self) -> Groundwork:
-        """Meshes of roads and terrain, relative to the corner."""
-        return lay_groundwork(self.local_streets)
-
     def build(self, seed: int, environment: Environment) -> BuiltWorld:
         """Build a random world, relative to the corner."""
-        return _build_world(self.local_streets, seed, environment, groundwork=lambda: self.groundwork)
+        return _build_world(self.local_streets, seed, environment)
 
     def place(self, mesh: Mesh) -> Mesh:
         """Move a mesh from the corner to its position in the town."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,7 +44,7 @@ def test_the_same_arguments_are_requested_once(folder):
 def test_a_damaged_result_is_made_anew(folder):
     mesh = build_model("saloon_01")
     first = cached(stretched)(mesh, 2.0)
-    for path in folder.rglob("*.npz"):
+    for path in folder.rglob("*.bin"):
         path.write_bytes(path.read_bytes()[:100])
     assert np.array_equal(cached(stretched)(mesh, 2.0).vertices, first.vertices)
     assert MADE == [2.0, 2.0]
@@ -79,7 +81,7 @@ def test_only_the_results_used_last_are_kept(folder):
     mesh, keep = build_model("saloon_01"), cached_latest(2)(stretched)
     keep(mesh, 2.0)
     keep(mesh, 3.0)
-    for age, path in enumerate(sorted(folder.rglob("*.npz"), key=lambda path: path.stat().st_mtime_ns)):
+    for age, path in enumerate(sorted(folder.rglob("*.bin"), key=lambda path: path.stat().st_mtime_ns)):
         os.utime(path, (1000 + age, 1000 + age))
     keep(mesh, 2.0)  # the older result, used again
     keep(mesh, 4.0)
@@ -94,3 +96,75 @@ def test_arguments_that_follow_from_others_are_ignored(folder):
     keep(mesh, by=2.0)
     keep(mesh, by=3.0)
     assert MADE == [2.0]
+
+
+def large(factor: float) -> tuple[np.ndarray, np.ndarray]:
+    MADE.append(factor)
+    values = np.arange(300_000.0) * factor
+    return values, values
+
+
+def mapped_kb(array: np.ndarray) -> int:
+    """Size of the file that is mapped at an array's address; 0 if there is none."""
+    address = array.ctypes.data
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        place, _, _, _, _, *path = line.split()
+        first, last = (int(end, 16) for end in place.split("-"))
+        if first <= address < last:
+            return (last - first) // 1024 if path and "large" in path[0] else 0
+    return 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_large_results_are_mapped_from_their_file(folder):
+    keep = cached(large)
+    made, again = keep(2.0), keep(2.0)
+    assert MADE == [2.0]
+    for values, same in (made, again):
+        assert values is same and np.array_equal(values, np.arange(300_000.0) * 2)
+        assert mapped_kb(values) > 2000
+    assert [path.suffix for path in folder.rglob("large*")] == [".bin"]
+
+
+def test_changed_arrays_do_not_change_what_is_stored(folder):
+    keep = cached(large)
+    keep(2.0)[0][:] = 0
+    assert np.array_equal(keep(2.0)[0], np.arange(300_000.0) * 2) and MADE == [2.0]
+
+
+def test_results_stay_readable_when_their_file_is_removed_or_replaced(folder):
+    keep = cached(large)
+    values, _ = keep(2.0)
+    (path,) = folder.rglob("large*")
+    path.unlink()
+    assert np.array_equal(values, np.arange(300_000.0) * 2)
+    values, _ = keep(2.0)
+    other = path.with_suffix(".other")
+    other.write_bytes(bytes(path.stat().st_size))
+    other.replace(path)
+    assert np.array_equal(values, np.arange(300_000.0) * 2)
+    assert np.array_equal(keep(2.0)[0], values) and MADE == [2.0, 2.0, 2.0]
+
+
+def test_files_without_several_names_are_read(folder, monkeypatch):
+    def refuse(path, target):
+        raise PermissionError("Operation not permitted")
+
+    monkeypatch.setattr("pathlib.Path.hardlink_to", refuse)
+    keep = cached(large)
+    keep(2.0)
+    values, _ = keep(2.0)
+    assert MADE == [2.0] and np.array_equal(values, np.arange(300_000.0) * 2)
+    values[:] = 0
+    assert keep(2.0)[0][1] == 2.0
+
+
+def test_a_full_disk_costs_only_time(folder, monkeypatch):
+    def refuse(value, file):
+        file.write(b"begun")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("assets.cache.dump", refuse)
+    keep = cached(large)
+    assert keep(2.0)[0][1] == 2.0 and keep(2.0)[0][1] == 2.0 and MADE == [2.0, 2.0]
+    assert not list(folder.rglob("large*"))

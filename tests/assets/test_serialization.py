@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 import shapely
 from scipy.spatial import Delaunay
 
-from assets.serialization import dumps, loads
+from assets.serialization import dump, loads
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,12 @@ class Thing:
 
 class NoDataclass:
     pass
+
+
+def dumps(value) -> bytes:
+    file = io.BytesIO()
+    dump(value, file)
+    return file.getvalue()
 
 
 def test_nested_values_are_read_as_they_were() -> None:
@@ -52,15 +59,23 @@ def test_other_types_are_refused(value) -> None:
 
 def test_files_of_other_types_are_refused() -> None:
     whole = dumps({"a": np.zeros(3)})
-    for data in (b"", whole[:-40], pickle.dumps(print)):
+    changed = bytes([whole[0] ^ 1]) + whole[1:]
+    for data in (b"", whole[:-40], whole[8:], changed, bytes(len(whole)), pickle.dumps(print)):
         with pytest.raises(ValueError):
             loads(data)
 
 
 @pytest.mark.parametrize("name", ["subprocess:Popen", "assets.serialization:loads", "assets.nothing:Thing"])
 def test_only_dataclasses_of_the_project_are_made(name: str) -> None:
-    tree = {"nodes": [{"class": name, "fields": {}}], "root": {"node": 0}}
-    buffer = io.BytesIO()
-    np.savez(buffer, tree=np.frombuffer(json.dumps(tree).encode(), np.uint8))
-    with pytest.raises(ValueError):
-        loads(buffer.getvalue())
+    tree = json.dumps({"nodes": [{"class": name, "fields": {}}], "root": {"node": 0}}).encode()
+    data = tree + len(tree).to_bytes(8, "little")
+    with pytest.raises(ValueError, match=name.partition(":")[0]):
+        loads(data + zlib.crc32(data).to_bytes(4, "little"))
+
+
+def test_arrays_are_views_of_what_is_read() -> None:
+    data = bytearray(dumps(("odd", np.arange(3, dtype=np.uint8), np.arange(5.0))))
+    stored = np.frombuffer(data, np.uint8)
+    _, small, large = loads(memoryview(data))
+    assert np.shares_memory(small, stored) and np.shares_memory(large, stored)
+    assert large.flags.aligned and large.flags.writeable and np.array_equal(large, np.arange(5.0))

@@ -21,4 +21,4 @@ def test_tiles_from_the_cache_equal_new_ones_and_share_the_vertices(tmp_path, mo
         np.testing.assert_array_equal(cut.mesh.faces, expected.mesh.faces)
         np.testing.assert_array_equal(cut.mesh.materials, expected.mesh.materials)
     assert expected.count.sum() == len(world.faces) - 2  # glass is not drawn
-    assert len(list(tmp_path.glob("_cut-*.npz"))) == 1
+    assert len(list(tmp_path.glob("_cut-*.bin"))) == 1
