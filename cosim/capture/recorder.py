@@ -145,6 +145,7 @@ class Recorder:
         path = f"twin/{static or 'static.glb'}"
         if not self._writer.has(path):
             self._writer.write(path, encode_glb(self._site.mesh, land.town.name))
+        return_free_blocks()
 
     def _leave(self) -> None:
         """Release the current site and everything that refers to it."""

@@ -87,16 +87,21 @@ def _sky_share(
 
 def _spread(mesh: Mesh, values: np.ndarray) -> np.ndarray:
     """Mean at each vertex (n, k) of the values of its faces (m, k); 0 without faces."""
-    corners, count = mesh.faces.ravel(), len(mesh.vertices)
-    total = [np.bincount(corners, np.repeat(column, 3), count) for column in values.T]
-    return np.stack(total, 1) / np.maximum(np.bincount(corners, minlength=count), 1)[:, None]
+    corners, n_vertices = mesh.faces.ravel(), len(mesh.vertices)
+    n_faces = np.maximum(np.bincount(corners, minlength=n_vertices), 1)
+    mean = np.empty((n_vertices, values.shape[1]))
+    for column, of_faces in zip(mean.T, values.T, strict=True):
+        column[:] = np.bincount(corners, np.repeat(of_faces, 3), n_vertices) / n_faces
+    return mean
 
 
 def vertex_normals(mesh: Mesh) -> np.ndarray:
     """Mean of the adjoining faces' unit normals, (n, 3) float32 of unit length; up where they cancel."""
     mean = _spread(mesh, mesh.normals)
     length = np.linalg.norm(mean, axis=1, keepdims=True)
-    return np.where(length > 1e-6, mean / np.maximum(length, 1e-6), (0.0, 0.0, 1.0)).astype(np.float32)
+    mean /= np.maximum(length, 1e-6)
+    mean[length[:, 0] <= 1e-6] = (0.0, 0.0, 1.0)
+    return mean.astype(np.float32)
 
 
 def _around(normal: np.ndarray, rings: tuple[tuple[float, int], ...]) -> list[np.ndarray]:

@@ -39,6 +39,7 @@ class Tiles:
     @classmethod
     def of(cls, static: Mesh) -> Tiles:
         """Cut a world, in world axes, into tiles of 24 m."""
+        normals = vertex_normals(static)  # first, because it needs much memory
         mesh = drawable(static)
         closed = closed_faces(mesh)
         order, tile = sort_into_tiles(mesh, closed, _TILE_M)
@@ -50,7 +51,7 @@ class Tiles:
             triangles = mesh.triangles
             bounds[:, 0] = np.minimum.reduceat(triangles.min(1), first)
             bounds[:, 1] = np.maximum.reduceat(triangles.max(1), first)
-        return cls(mesh, first, count, bounds, closed[first], vertex_normals(static))
+        return cls(mesh, first, count, bounds, closed[first], normals)
 
     def in_view(self, planes: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of the tiles inside the frustum `planes` (6, 4), nearest first, and distances from `eye` [m]."""
