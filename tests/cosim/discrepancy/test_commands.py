@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from cosim.cli import main
 from sensors.sensor_model import load_sensor
@@ -120,18 +121,24 @@ def test_add_fits_one_of_several_effects_with_the_same_name(
 ) -> None:
     two, better = tmp_path / "two.yaml", tmp_path / "better.yaml"
     fields = [{"surfaces": "road", "sigma": 0.2, "cell_m": cell_m} for cell_m in (0.1, 1.0)]
-    lines = [f"  - {{effect: reflectance_field, {', '.join(f'{k}: {v}' for k, v in one.items())}}}" for one in fields]
-    two.write_text("\n".join([f"pattern: {biased_yard.sensor.parent / 'pattern.yaml'}", "effects:", *lines, ""]))
+    noise = [{"effect": "range_noise", "sigma_m": 0.05}, {"effect": "intensity_noise", "sigma_rel": 0.3}]
+    effects = [*noise, *({"effect": "reflectance_field", **field} for field in fields)]
+    pattern = str(biased_yard.sensor.parent / "pattern.yaml")
+    two.write_text(yaml.safe_dump({"pattern": pattern, "effects": effects}))
     arguments = ("--sensor", two, "--drive", biased_yard.drive, "--out", better, "--quiet")
+
+    def fields_of(sensor: Path) -> list[dict[str, Any]]:
+        return [effect.model_dump() for effect in load_sensor(sensor).effects if effect.name == "reflectance_field"]
+
     assert run("add", "reflectance_field", *arguments) == 2
     assert "the sensor has 2 effects reflectance_field: name one with --param" in capsys.readouterr().err
     own = ("--param", "surfaces=road", "--param", "cell_m=0.1")
     assert run("add", "reflectance_field", *own, *arguments) == 0
-    found = [effect.model_dump() for effect in load_sensor(better).effects]
+    found = fields_of(better)
     assert len(found) == 2 and found[0]["cell_m"] == 0.1 and found[1] == {**fields[1], "skew": 0.0}
     other = ("--param", "surfaces=vehicle", "--param", "cell_m=0.1")
     assert run("add", "reflectance_field", *other, *arguments) == 0
-    assert [effect.model_dump()["surfaces"] for effect in load_sensor(better).effects] == ["road", "road", "vehicle"]
+    assert [one["surfaces"] for one in fields_of(better)] == ["road", "road", "vehicle"]
 
 
 def test_an_effect_of_ones_own_is_named_relative_to_the_sensor_file(biased_yard: Yard, tmp_path: Path) -> None:
