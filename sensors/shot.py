@@ -154,8 +154,8 @@ class Shot:
 
     @cached_property
     def block(self) -> np.ndarray:
-        """Optical block of each beam, (n,) int."""
-        return np.array(self.pattern.block)[self.rays.ring]
+        """Optical block of each beam, (n,) uint8."""
+        return np.array(self.pattern.block, np.uint8)[self.rays.ring]
 
     def cos_incidence(self, returns: Returns) -> np.ndarray:
         """Cosine between beams and the faces they met, (m,) float32 in 0–1; 1 without a surface."""

@@ -33,9 +33,9 @@ class Traced:
     moving: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     delay_s: float = 0.0
 
-    @cached_property
+    @property
     def origin(self) -> np.ndarray:
-        """True optical centres, (n, 3) float64 world axes."""
+        """True optical centres, (n, 3) float64 world axes; computed each time, because many scans are kept."""
         if self.moving is not None:
             return self.hits.pose[:3, 3] + self.moving[0]
         pose = self.hits.pose

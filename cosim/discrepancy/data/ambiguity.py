@@ -20,7 +20,7 @@ class Neighbours:
         reach: number of firings to each side.
 
     Attributes:
-        rows: (2·reach + 2, n) int neighbours of each beam: previous 1, next 1, previous 2, …, above, below; −1: none.
+        rows: (2·reach + 2, n) int32 neighbours of each beam: previous 1, next 1, previous 2, …, above, below; −1: none.
     """
 
     def __init__(self, rays: Rays, settings: BeamSampling, reach: int = 2) -> None:
@@ -45,7 +45,7 @@ class Neighbours:
                 gap = np.abs(np.angle(np.exp(1j * (other_turn[best] - turn[own_beams]))))
                 row[own_beams] = bounds[other] + np.where(gap[0] <= gap[1], best[0], best[1])
             rows.append(row)
-        self.rows = np.stack(rows)
+        self.rows = np.stack(rows).astype(np.int32)
 
     def at_edge(self, hits: Hits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Find beams whose neighbours do not hit the same plane, and the range of the nearest surface there.

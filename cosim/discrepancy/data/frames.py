@@ -226,7 +226,7 @@ class FrameTracer:
             map=own_map,
             surface=surface,
             at_end=np.zeros(len(edge), bool) if own_map is None else self._at_end(traced.hits, own_map.cell_m),
-            unmapped=np.zeros(len(edge))
+            unmapped=np.broadcast_to(0.0, len(edge))
             if stopped is None
             else self._unmapped(shot, observed, stopped, trusted, ~edge),
             settings=self.settings,

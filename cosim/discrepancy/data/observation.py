@@ -29,7 +29,7 @@ class Observed:
         points: number of points of the scan.
         unmatched: number of points that fit no beam of the pattern; they are skipped.
         bad: number of points with NaN or infinity; they are skipped.
-        row: (n,) int64 row of the beam's point in the scan; −1 without a return.
+        row: (n,) int32 row of the beam's point in the scan; −1 without a return.
         recovered: whether beams were identified from the order of the points. Then rays have measured azimuths, and
             points follow the unit's own calibration instead of the pattern.
     """
@@ -113,7 +113,7 @@ def observe(
     above[first] = np.einsum("ij,ij->i", xyz, upwards(direction))
     if frame.has_intensity:
         intensity[first] = points[used, 3] / np.float32(unit)
-    row_of = np.full(len(rays), -1, np.int64)
+    row_of = np.full(len(rays), -1, np.int32)
     row_of[first] = used
     seconds = int(np.count_nonzero(of.return_no))
     trusted = np.ones(len(rays), bool)
