@@ -5,6 +5,7 @@ Processes with the same result share its memory, and the system can take it back
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import logging
 import mmap
@@ -25,8 +26,9 @@ from assets.serialization import content_digest, dump, loads
 FOLDER = "COSIM_CACHE"
 """Name of the environment variable with the folder of stored results; empty: nothing is stored."""
 
+_DAY_S = 86400
 _OTHERS_KEPT_DAYS = 30
-_SUFFIX = ".bin"
+_SUFFIX, _UNFINISHED = ".bin", ".partial"
 _LEAST_MAPPED = 1 << 20  # bytes; each mapping needs one of the 1024 file descriptors of a process
 _LIBRARIES = ("numpy", "scipy", "shapely", "mapbox-earcut", "embreex")
 
@@ -106,6 +108,7 @@ def _folder(package: str, where: str | None) -> Path | None:
             _forget_others(root)
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         os.utime(folder)
+        _remove_unfinished(folder)
     except OSError as error:
         _log.info("%s: cannot be written (%s); nothing is kept there", root, error.strerror)
         return None
@@ -146,7 +149,7 @@ def _content(path: Path) -> memoryview:
 
 def _unique(path: Path) -> Path:
     """A name next to a file that no other process or computer uses."""
-    return path.with_name(f"{path.name}.{uuid4().hex}.partial")
+    return path.with_name(f"{path.name}.{uuid4().hex}{_UNFINISHED}")
 
 
 def _remove_all_but(folder: Path, pattern: str, most: int) -> None:
@@ -178,7 +181,16 @@ def _forget_others(root: Path) -> None:
     """Remove what other versions of the code left and have not used for long."""
     if not root.is_dir():
         return
-    oldest_s = time.time() - _OTHERS_KEPT_DAYS * 86400
+    oldest_s = time.time() - _OTHERS_KEPT_DAYS * _DAY_S
     for folder in root.iterdir():
         if folder.is_dir() and folder.stat().st_mtime < oldest_s:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Remove what processes left that were killed while they wrote."""
+    oldest_s = time.time() - _DAY_S
+    for path in folder.glob(f"*{_UNFINISHED}"):
+        with contextlib.suppress(FileNotFoundError):  # another process removes the same
+            if path.stat().st_mtime < oldest_s:
+                path.unlink()

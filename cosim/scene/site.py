@@ -24,7 +24,7 @@ from sumo_nets import Town
 from sumo_nets.local_origin import shift_streets
 
 _WORLD_STREAM, _LIGHT_STREAM = 0, 1  # independent random streams
-_build_world = cached_latest(8)(build_world)  # 50 MB each
+_build_world = cached_latest(8)(build_world)  # 40 MB each
 _COORDINATE_DECIMALS = 6  # what remains of a subtraction in double precision
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.cache import FOLDER, cached, cached_latest
+from assets.cache import FOLDER, _folder, cached, cached_latest
 from assets.mesh import Mesh
 from assets.models import build_model
 
@@ -75,6 +75,19 @@ def test_what_other_versions_left_is_removed_when_it_is_old(folder):
     os.utime(old, (0, 0))
     cached(stretched)(build_model("saloon_01"), 2.0)
     assert not old.exists() and young.exists()
+
+
+def test_what_killed_processes_left_is_removed_after_a_day(folder):
+    mesh = build_model("saloon_01")
+    cached(stretched)(mesh, 2.0)
+    (own,) = folder.glob("tests-*")
+    old, young = own / "stretched-1.bin.2.partial", own / "stretched-1.bin.3.partial"
+    for left in (old, young):
+        left.write_bytes(b"begun")
+    os.utime(old, (0, 0))
+    _folder.cache_clear()  # as in the next process
+    cached(stretched)(mesh, 2.0)
+    assert not old.exists() and young.exists() and MADE == [2.0]
 
 
 def test_only_the_results_used_last_are_kept(folder):
