@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ from assets import MATERIALS, build_model
 from cosim.drives.kitti import Drive, Frame, format_calibration
 from cosim.drives.kitti.point_format import OPTIONS
 from cosim.drives.twin import encode_glb, encode_trust, format_materials
-from cosim.drives.writer import DriveWriter, OutputError, explained
+from cosim.drives.writer import DriveWriter, OutputError, explained, partial_of
 from cosim.errors import FormatError
 from cosim.labelled_twin.frame_twin import FrameTwin, check_labelled, make_frame_twin
 from cosim.labelled_twin.trusted_ground import GROUND_MATERIAL
@@ -168,7 +167,7 @@ def _link(source: Path, target: Path) -> None:
     """Hard-link a file, or copy it if the file system does not support links; atomic."""
     with explained(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+        partial = partial_of(target)
         partial.unlink(missing_ok=True)
         try:
             partial.hardlink_to(source.resolve())
