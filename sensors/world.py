@@ -35,7 +35,7 @@ class Traced:
 
     @property
     def origin(self) -> np.ndarray:
-        """True optical centres, (n, 3) float64 world axes; computed each time, because many scans are kept."""
+        """True optical centres, (n, 3) float64 world axes; not cached, because many scans are in memory at once."""
         if self.moving is not None:
             return self.hits.pose[:3, 3] + self.moving[0]
         pose = self.hits.pose

@@ -39,7 +39,7 @@ class Tiles:
     @classmethod
     def of(cls, static: Mesh) -> Tiles:
         """Cut a world, in world axes, into tiles of 24 m."""
-        normals = vertex_normals(static)  # first, because it needs much memory
+        normals = vertex_normals(static)  # first: it needs the most memory, and the rest does not exist yet
         mesh = drawable(static)
         closed = closed_faces(mesh)
         order, tile = sort_into_tiles(mesh, closed, _TILE_M)

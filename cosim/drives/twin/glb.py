@@ -36,19 +36,23 @@ def encode_glb(mesh: Mesh, name: str = "world") -> bytes:
             use, in the order of the material table; materials carry their name and visible colour.
         name: the node above them.
     """
-    document, binary, length = _Document(name), list[bytes](), 0
+    document, binary = _Document(name), list[bytes]()
     for material, part in _parts(mesh):
         positions = np.stack([part.vertices[:, 0], part.vertices[:, 2], -part.vertices[:, 1]], -1)
         positions = positions + np.float32(0)  # no negative zeros: nearly equal worlds, equal bytes
-        document.add(material, positions, part.faces, length)
+        document.add(material, positions, part.faces, _size(binary))
         binary += [positions.astype("<f4").tobytes(), part.faces.astype("<u4").tobytes()]
-        length += len(binary[-2]) + len(binary[-1])
-    content = json.dumps(document.finished(length), separators=(",", ":")).encode()
+    content = json.dumps(document.finished(_size(binary)), separators=(",", ":")).encode()
     content += b" " * (-len(content) % 4)
     chunks = [struct.pack("<I4s", len(content), b"JSON"), content]
     if binary:
-        chunks += [struct.pack("<I4s", length, b"BIN\0"), *binary]
-    return b"".join([struct.pack("<4sII", _MAGIC, _VERSION, 12 + sum(map(len, chunks))), *chunks])
+        chunks += [struct.pack("<I4s", _size(binary), b"BIN\0"), *binary]
+    return b"".join([struct.pack("<4sII", _MAGIC, _VERSION, 12 + _size(chunks)), *chunks])
+
+
+def _size(parts: list[bytes]) -> int:
+    """Number of bytes of all parts."""
+    return sum(map(len, parts))
 
 
 def write_glb(path: str | Path, mesh: Mesh, name: str = "world") -> None:
